@@ -1,0 +1,63 @@
+"""The errors that bad input raises: one family, one message form."""
+
+from __future__ import annotations
+
+from os import PathLike
+
+
+class VigaugeError(Exception):
+    """Base of every error that the package raises on purpose."""
+
+
+class DataError(VigaugeError):
+    """Bad input data: names the file, where in it, the value, and the rule it breaks.
+
+    Parameters
+    ----------
+    file : path of the offending file, or a short name of the array for data from memory
+    rule : what must hold, in words ("timestamps must increase")
+    row : 1-based line of a text file, or index along the first axis of an array
+    field : column, key or attribute
+    value : what was found there
+    """
+
+    def __init__(
+        self,
+        file: str | PathLike[str],
+        rule: str,
+        *,
+        row: int | None = None,
+        field: str | None = None,
+        value: object = None,
+    ) -> None:
+        self.file = str(file)
+        self.rule = rule
+        self.row = row
+        self.field = field
+        self.value = value
+        where = self.file
+        if row is not None:
+            where += f", row {row}"
+        if field is not None:
+            where += f", {field}"
+        found = "" if value is None else f" (found {value!r})"
+        super().__init__(f"{where}: {rule}{found}")
+
+    def __reduce__(self):
+        return (_rebuild_data_error, (type(self), self.file, self.rule, self.row, self.field, self.value))
+
+
+def _rebuild_data_error(kind, file, rule, row, field, value):
+    return kind(file, rule, row=row, field=field, value=value)
+
+
+class ConfigError(DataError):
+    """A configuration key that is missing, unknown or out of range."""
+
+
+class SolverError(VigaugeError):
+    """The optimiser could not go on (non-finite cost, singular system)."""
+
+
+class DegenerateError(VigaugeError):
+    """More directions are unobservable than the gauge explains; no covariance is given."""

@@ -1,0 +1,59 @@
+"""Errors of an estimate against the truth (Section IV-C), and comparisons of covariances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import so3
+from .errors import VigaugeError
+from .so3 import Array
+from .state import State
+
+
+@dataclass(frozen=True)
+class TrajectoryErrors:
+    """RMSE over all keyframes: position (m), rotation (rad), velocity (m/s)."""
+
+    p_rmse_m: float
+    phi_rmse_rad: float
+    v_rmse_mps: float
+
+    @property
+    def phi_rmse_deg(self) -> float:
+        return float(np.degrees(self.phi_rmse_rad))
+
+
+def align_first_pose(estimate: State, truth: State) -> State:
+    """``estimate`` moved by the 4-DoF transformation that joins the first poses (Section IV-C.1).
+
+    The yaw is the twist about z of R_truth R_estimate^T.
+    """
+    q = so3.quaternion(truth.R_WB[0] @ estimate.R_WB[0].T)
+    yaw = 2.0 * float(np.arctan2(q[3], q[0]))
+    return estimate.transformed(yaw, truth.p_W[0] - so3.yaw_rotation(yaw) @ estimate.p_W[0])
+
+
+def trajectory_errors(estimate: State, truth: State) -> TrajectoryErrors:
+    """RMSE after first-pose alignment, over the keyframes of both states (Section IV-C.1)."""
+    if estimate.n_keyframes != truth.n_keyframes:
+        raise VigaugeError(
+            f"estimate and truth must have the same keyframes ({estimate.n_keyframes} and {truth.n_keyframes})"
+        )
+    aligned = align_first_pose(estimate, truth)
+    rotation = so3.log(aligned.R_WB @ truth.R_WB.swapaxes(1, 2))
+    return TrajectoryErrors(
+        p_rmse_m=_rms_length(aligned.p_W - truth.p_W),
+        phi_rmse_rad=_rms_length(rotation),
+        v_rmse_mps=_rms_length(aligned.v_W - truth.v_W),
+    )
+
+
+def _rms_length(errors: Array) -> float:
+    return float(np.sqrt(np.mean(np.einsum("ij,ij->i", errors, errors))))
+
+
+def relative_frobenius(A: Array, reference: Array) -> float:
+    """||A - reference||_F / ||reference||_F (captions of Figs. 9 and 10)."""
+    return float(np.linalg.norm(A - reference) / np.linalg.norm(reference))

@@ -1,0 +1,161 @@
+"""One non-linear least-squares problem, Eq. (1): measurements, noise, cameras, initial state.
+
+Measurements are arrays, one row an observation, ordered by landmark: everything after
+works on whole arrays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import Camera
+from .errors import DataError
+from .imu import Preintegrated
+from .so3 import Array
+from .state import State
+
+
+@dataclass(frozen=True)
+class InertialFactors:
+    """F preintegrated factors, stacked; factor f joins keyframes ``first[f]`` and ``second[f]``.
+
+    ``dt`` (F,) s, ``dp`` (F, 3) m, ``dR`` (F, 3, 3), ``dv`` (F, 3) m/s; ``covariance``
+    (F, 9, 9) in the order (dp, rotation, dv).
+    """
+
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    dt: Array
+    dp: Array
+    dR: Array
+    dv: Array
+    covariance: Array
+
+    @classmethod
+    def chain(cls, factors: list[Preintegrated]) -> InertialFactors:
+        """Factors between consecutive keyframes 0-1, 1-2, ..."""
+        index = np.arange(len(factors), dtype=np.int64)
+        return cls(
+            first=index,
+            second=index + 1,
+            dt=np.array([f.dt for f in factors]),
+            dp=np.array([f.dp for f in factors]).reshape(-1, 3),
+            dR=np.array([f.dR for f in factors]).reshape(-1, 3, 3),
+            dv=np.array([f.dv for f in factors]).reshape(-1, 3),
+            covariance=np.array([f.covariance for f in factors]).reshape(-1, 9, 9),
+        )
+
+    @cached_property
+    def whitener(self) -> Array:
+        """(F, 9, 9) lower-triangular W with W cov W^T = I."""
+        return np.linalg.inv(np.linalg.cholesky(self.covariance))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Measurements and the state from which an optimisation starts.
+
+    Attributes
+    ----------
+    initial : initial state theta_0, W frame
+    cameras : the cameras that observations refer to
+    obs_keyframe, obs_camera, obs_landmark : (M,) int64 indices, ordered by landmark
+    obs_uv : (M, 2) ideal (undistorted) pixels
+    sigma_px : standard deviation of one pixel coordinate
+    inertial : preintegrated factors, biases taken off
+    gravity : g in m/s^2; g_W = (0, 0, -g)
+    """
+
+    initial: State
+    cameras: tuple[Camera, ...]
+    obs_keyframe: NDArray[np.int64]
+    obs_camera: NDArray[np.int64]
+    obs_landmark: NDArray[np.int64]
+    obs_uv: Array
+    sigma_px: float
+    inertial: InertialFactors
+    gravity: float
+
+    def __post_init__(self) -> None:
+        n, k, m = self.initial.n_keyframes, self.initial.n_landmarks, len(self.obs_uv)
+        for name, count in (
+            ("obs_keyframe", n),
+            ("obs_camera", len(self.cameras)),
+            ("obs_landmark", k),
+        ):
+            index = getattr(self, name)
+            if index.shape != (m,):
+                raise DataError("problem", f"must have shape ({m},)", field=name, value=index.shape)
+            bad = np.flatnonzero((index < 0) | (index >= count))
+            if bad.size:
+                raise DataError(
+                    "problem",
+                    f"must lie in 0..{count - 1}",
+                    field=name,
+                    row=int(bad[0]),
+                    value=int(index[bad[0]]),
+                )
+        if np.any(np.diff(self.obs_landmark) < 0):
+            raise DataError("problem", "observations must be ordered by landmark", field="obs_landmark")
+        seen = np.bincount(self.obs_landmark, minlength=k)
+        if k and seen.min() == 0:
+            raise DataError(
+                "problem", "every landmark must be observed", field="obs_landmark", row=int(np.argmin(seen))
+            )
+        if not np.all(np.isfinite(self.obs_uv)):
+            row = int(np.argwhere(~np.isfinite(self.obs_uv))[0][0])
+            raise DataError("problem", "must be finite", field="obs_uv", row=row, value=self.obs_uv[row])
+        if not self.sigma_px > 0:
+            raise DataError("problem", "must be positive", field="sigma_px", value=self.sigma_px)
+
+    @classmethod
+    def from_observations(
+        cls,
+        initial: State,
+        cameras: tuple[Camera, ...],
+        keyframe: NDArray[np.int64],
+        camera: NDArray[np.int64],
+        landmark: NDArray[np.int64],
+        uv: Array,
+        sigma_px: float,
+        inertial: InertialFactors,
+        gravity: float,
+    ) -> Problem:
+        """Build from observations in any order (they are sorted by landmark, keyframe, camera)."""
+        order = np.lexsort((camera, keyframe, landmark))
+        return cls(
+            initial=initial,
+            cameras=cameras,
+            obs_keyframe=np.asarray(keyframe, dtype=np.int64)[order],
+            obs_camera=np.asarray(camera, dtype=np.int64)[order],
+            obs_landmark=np.asarray(landmark, dtype=np.int64)[order],
+            obs_uv=np.asarray(uv, dtype=float)[order],
+            sigma_px=sigma_px,
+            inertial=inertial,
+            gravity=gravity,
+        )
+
+    def with_initial(self, initial: State) -> Problem:
+        """The same measurements, started elsewhere."""
+        return replace(self, initial=initial)
+
+    def with_noise(self, sigma_px: float, density_factor: float) -> Problem:
+        """Another belief about the noise: pixel sigma, and a factor on both inertial densities."""
+        covariance = self.inertial.covariance * density_factor**2
+        return replace(self, sigma_px=sigma_px, inertial=replace(self.inertial, covariance=covariance))
+
+    @cached_property
+    def camera_arrays(self) -> dict[str, Array]:
+        """Intrinsics and extrinsics of the cameras, stacked along the first axis."""
+        return {
+            "fx": np.array([c.fx for c in self.cameras]),
+            "fy": np.array([c.fy for c in self.cameras]),
+            "cx": np.array([c.cx for c in self.cameras]),
+            "cy": np.array([c.cy for c in self.cameras]),
+            "R_BC": np.array([c.R_BC for c in self.cameras]),
+            "p_BC": np.array([c.p_BC for c in self.cameras]),
+        }
