@@ -23,6 +23,7 @@ PathLike = str | os.PathLike[str]
 
 _STATE = ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref")
 _FACTORS = ("first", "second", "dt", "dp", "dR", "dv", "covariance")
+_CAMERAS = ("intrinsics", "size", "distortion", "R_BC", "p_BC")
 _OBSERVATIONS = ("obs_keyframe", "obs_camera", "obs_landmark", "obs_uv")
 
 
@@ -68,14 +69,9 @@ def _state_from(get: Mapping[str, np.ndarray], prefix: str = "") -> State:
 
 def _problem_from(get: Mapping[str, np.ndarray]) -> Problem:
     cameras = tuple(
-        Camera(*map(float, k), int(size[0]), int(size[1]), tuple(map(float, d)), R, p)  # type: ignore[arg-type]
-        for k, size, d, R, p in zip(
-            get["cameras.intrinsics"],
-            get["cameras.size"],
-            get["cameras.distortion"],
-            get["cameras.R_BC"],
-            get["cameras.p_BC"],
-            strict=True,
+        Camera(fx, fy, cx, cy, width, height, (k1, k2, p1, p2), np.array(R_BC), np.array(p_BC))
+        for (fx, fy, cx, cy), (width, height), (k1, k2, p1, p2), R_BC, p_BC in zip(
+            *(get[f"cameras.{name}"].tolist() for name in _CAMERAS), strict=True
         )
     )
     return Problem(

@@ -18,7 +18,7 @@ import scipy.linalg
 from . import so3
 from .errors import DataError, SolverError
 from .gauge import Gauge, orbit_tangent
-from .normal_equations import NormalEquations, ReducedSystem, linearise
+from .normal_equations import Index, NormalEquations, ReducedSystem, linearise
 from .problem import Problem
 from .so3 import Array
 from .state import State
@@ -53,9 +53,12 @@ class Spectrum:
         return len(self.eigenvalues) - self.nullity + 3 * self.n_landmarks
 
 
-def spectrum(equations: NormalEquations) -> Spectrum:
-    """Spectrum of the Schur complement of H after Jacobi scaling."""
+def spectrum(equations: NormalEquations, held: Index | None = None) -> Spectrum:
+    """Spectrum of the Schur complement of H after Jacobi scaling, without the ``held`` columns."""
     S = equations.eliminate().matrix
+    if held is not None and len(held):
+        keep = np.setdiff1d(np.arange(len(S)), held)
+        S = S[np.ix_(keep, keep)]
     scale = 1.0 / np.sqrt(np.diagonal(S))
     return Spectrum(np.linalg.eigvalsh(S * scale[:, None] * scale), equations.structure.n_landmarks)
 
@@ -105,7 +108,7 @@ def covariance_of(equations: NormalEquations, state: State, gauge: Gauge, refere
     return _projected(reduced, state, gauge)
 
 
-def _inverse_without(matrix: Array, held: Array) -> Array:
+def _inverse_without(matrix: Array, held: Index) -> Array:
     keep = np.setdiff1d(np.arange(len(matrix)), held)
     covariance = np.zeros_like(matrix)
     covariance[np.ix_(keep, keep)] = _inverse(matrix[np.ix_(keep, keep)])

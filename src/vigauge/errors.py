@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from os import PathLike
+from typing import Any
 
 
 class VigaugeError(Exception):
@@ -43,11 +44,14 @@ class DataError(VigaugeError):
         found = "" if value is None else f" (found {value!r})"
         super().__init__(f"{where}: {rule}{found}")
 
-    def __reduce__(self):
-        return (_rebuild_data_error, (type(self), self.file, self.rule, self.row, self.field, self.value))
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Exceptions pickle their message only; this keeps the parts (worker processes).
+        return _rebuild, (type(self), self.file, self.rule, self.row, self.field, self.value)
 
 
-def _rebuild_data_error(kind, file, rule, row, field, value):
+def _rebuild(
+    kind: type[DataError], file: str, rule: str, row: int | None, field: str | None, value: object
+) -> DataError:
     return kind(file, rule, row=row, field=field, value=value)
 
 

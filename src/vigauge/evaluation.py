@@ -39,7 +39,8 @@ def trajectory_errors(estimate: State, truth: State) -> TrajectoryErrors:
     """RMSE after first-pose alignment, over the keyframes of both states (Section IV-C.1)."""
     if estimate.n_keyframes != truth.n_keyframes:
         raise VigaugeError(
-            f"estimate and truth must have the same keyframes ({estimate.n_keyframes} and {truth.n_keyframes})"
+            "estimate and truth must have the same keyframes: "
+            f"{estimate.n_keyframes} against {truth.n_keyframes}"
         )
     aligned = align_first_pose(estimate, truth)
     rotation = so3.log(aligned.R_WB @ truth.R_WB.swapaxes(1, 2))

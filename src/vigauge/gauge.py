@@ -24,7 +24,10 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class GaugePrior:
-    """Whitened prior residual of Eq. (11): ``residual`` (4,), its motion ``columns`` (4,), ``jacobian`` (4, 4)."""
+    """Whitened prior residual of Eq. (11).
+
+    ``residual`` (4,), the motion ``columns`` (4,) it depends on, and its ``jacobian`` (4, 4).
+    """
 
     columns: Index
     residual: Array

@@ -19,7 +19,7 @@ from .errors import SolverError
 from .gauge import Gauge
 from .normal_equations import NormalEquations, Structure, assemble
 from .problem import Problem
-from .residuals import inertial_term, inertial_residual, visual_residual, visual_term
+from .residuals import inertial_residual, inertial_term, visual_residual, visual_term
 from .so3 import Array
 from .state import State
 

@@ -133,9 +133,9 @@ class NormalEquations:
         except np.linalg.LinAlgError as error:
             raise SolverError("a landmark's block of H is not positive definite") from error
         half = self.pair @ factor[s.pair_landmark].swapaxes(1, 2)
-        spread = np.zeros((s.n_keyframes, s.n_landmarks, 6, 3))
-        spread[s.pair_keyframe, s.pair_landmark] = half
-        spread = spread.transpose(0, 2, 1, 3).reshape(6 * s.n_keyframes, -1)
+        blocks = np.zeros((s.n_keyframes, 6, s.n_landmarks, 3))
+        blocks[s.pair_keyframe, :, s.pair_landmark] = half
+        spread = blocks.reshape(6 * s.n_keyframes, -1)
         pose = s.columns[:, :6].ravel()
         half_gradient = np.einsum("kij,kj->ki", factor, self.landmark_gradient)
         reduced = motion.copy()

@@ -11,10 +11,12 @@ threshold is where both forms keep 14 digits, so nothing jumps at it.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 # Below this angle (rad) the closed forms lose digits to cancellation: at 0.3 they are
 # still good to 1e-14, and the series, cut after five or six terms, to 3e-15.

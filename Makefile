@@ -1,0 +1,88 @@
+# The project's commands; `make help` lists them.
+#
+# Needed: make, and Python 3.11, 3.12 or 3.13 with its venv module, on Linux (x86-64) or macOS (arm64).
+# No compiler. Everything is installed into .venv, from wheels whose hashes requirements.lock holds.
+#
+#   make paper CORES=8          more jobs at a time
+#   make test PYTHON=python3.12 this interpreter for .venv
+
+CORES ?= 2
+PYTHON ?= python3 python3.13 python3.12 python3.11
+UV ?= uv
+LOCK_FLAGS ?=
+
+VENV := .venv
+BIN := $(VENV)/bin
+# The workflow's rules and Snakemake's own jobs call `python`: it must be the one in .venv.
+RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
+SET_UP := $(VENV)/.installed
+
+.PHONY: help setup paper test lint format lock clean distclean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make paper      set up, then every table and figure into paper_figures/ (CORES=$(CORES))"
+	@echo "make test       set up, check as 'make lint' does, then run the tests"
+	@echo "make lint       formatting, lint, types, and the workflow's own lint; changes nothing"
+	@echo "make format     rewrite Python and rule files in the project's format"
+	@echo "make setup      only .venv, from requirements.lock"
+	@echo "make lock       write requirements.lock anew from pyproject.toml (needs uv; LOCK_FLAGS=--upgrade for newer versions)"
+	@echo "make clean      delete what the workflow made, and caches"
+	@echo "make distclean  also delete .venv"
+
+setup: $(SET_UP)
+
+# Two stamps: a new lock rebuilds .venv from nothing; a new pyproject.toml only installs vigauge again.
+# Only one package of the lock has no wheel, connection-pool, and it is pure Python.
+$(VENV)/.locked: requirements.lock
+	@found=; \
+	for python in $(PYTHON); do \
+	    if "$$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; then \
+	        found="$$python"; break; \
+	    fi; \
+	done; \
+	if [ -z "$$found" ]; then \
+	    echo "vigauge needs Python 3.11, 3.12 or 3.13, which none of these is: $(PYTHON); name one with 'make PYTHON=...'." >&2; \
+	    exit 1; \
+	fi; \
+	echo "setting up $(VENV) with $$found from requirements.lock (a minute or two)"; \
+	"$$found" -m venv --clear $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes \
+	    --only-binary :all: --no-binary connection-pool --requirement requirements.lock
+	@touch $@
+
+$(SET_UP): $(VENV)/.locked pyproject.toml
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+paper: $(SET_UP)
+	$(RUN) snakemake --cores $(CORES)
+
+test: lint
+	$(RUN) pytest
+
+lint: $(SET_UP)
+	$(RUN) ruff check .
+	$(RUN) ruff format --check .
+	$(RUN) mypy
+	$(RUN) snakefmt --check Snakefile workflow
+	$(RUN) snakemake --lint
+
+format: $(SET_UP)
+	$(RUN) ruff check --fix .
+	$(RUN) ruff format .
+	$(RUN) snakefmt Snakefile workflow
+
+lock:
+	@command -v $(UV) >/dev/null || { echo "make lock needs uv (python -m pip install uv)" >&2; exit 1; }
+	$(UV) pip compile pyproject.toml --all-extras --group build --universal --fork-strategy fewest \
+	    --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url --no-emit-find-links \
+	    --custom-compile-command "make lock" --quiet --output-file requirements.lock $(LOCK_FLAGS)
+
+clean:
+	@if [ -x $(BIN)/snakemake ]; then $(RUN) snakemake --cores 1 --delete-all-output; fi
+	rm -rf .snakemake .pytest_cache .ruff_cache .mypy_cache .hypothesis build dist
+	find src tests workflow -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV)

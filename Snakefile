@@ -1,0 +1,30 @@
+from snakemake.utils import min_version, validate
+
+min_version("9.10")
+
+
+configfile: "config/config.yaml"
+
+
+validate(config, "workflow/schemas/config.schema.yaml")
+
+
+report: "workflow/report/workflow.rst"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/simulation.smk"
+include: "workflow/rules/sequences.smk"
+include: "workflow/rules/solve.smk"
+include: "workflow/rules/covariance.smk"
+include: "workflow/rules/paper.smk"
+
+
+localrules:
+    all,
+
+
+rule all:
+    default_target: True
+    input:
+        paper_targets(),

@@ -1,0 +1,102 @@
+"""Covariances of one experiment in every gauge, and how well Eq. (12) joins them (Section VI).
+
+Three comparisons of the transformed free covariance with the fixed one: at the same point,
+where (12) is an identity; between the separately converged estimates, as in the paper; and
+the prior's with the fixed one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from vigauge.archive import load_problems, load_states, save_arrays
+from vigauge.cli.stage import json_argument, parser, run
+from vigauge.covariance import covariance_of, spectrum, transform_covariance
+from vigauge.evaluation import relative_frobenius
+from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge
+from vigauge.normal_equations import linearise
+from vigauge.problem import Problem
+from vigauge.state import State
+
+
+def compare_gauges(
+    problem: Problem, fix: State, prior: State, free: State, prior_weight: float
+) -> dict[str, np.ndarray | float | int]:
+    """Covariances at the three estimates and at one common point, and their distances."""
+    reference, fixed_gauge, free_gauge = problem.initial, FixedGauge(), FreeGauge()
+    prior_gauge = PriorGauge(prior_weight)
+    at_fix, at_free = linearise(problem, fix), linearise(problem, free)
+    at_prior = linearise(problem, prior)
+    fixed = covariance_of(at_fix, fix, fixed_gauge, reference)
+    free_covariance = covariance_of(at_free, free, free_gauge, reference)
+    transformed, moved = transform_covariance(free_covariance, free, fixed_gauge, reference)
+    with_prior = covariance_of(at_prior, prior, prior_gauge, reference)
+    free_at_fix = covariance_of(at_fix, fix, free_gauge, reference)
+    same_point, _ = transform_covariance(free_at_fix, fix, fixed_gauge, reference)
+    found = spectrum(at_free)
+    pull = prior_gauge.prior(prior, reference)
+    assert pull is not None
+    with_pull = at_prior.with_prior(pull.columns, pull.residual, pull.jacobian)
+    return {
+        "free": free_covariance,
+        "transformed": transformed,
+        "fixed": fixed,
+        "prior": with_prior,
+        "fixed_same_point": fixed,
+        "transformed_same_point": same_point,
+        "relative_frobenius_same_point": relative_frobenius(same_point, fixed),
+        "relative_frobenius_converged": relative_frobenius(transformed, fixed),
+        "relative_frobenius_prior": relative_frobenius(with_prior, fixed),
+        "p_W_free": free.p_W,
+        "p_W_transformed": moved.p_W,
+        "p_W_fixed": fix.p_W,
+        "n_keyframes": free.n_keyframes,
+        "n_landmarks": free.n_landmarks,
+        "n_parameters": free.n_parameters,
+        "rank_free": found.rank,
+        "rank_fix": spectrum(at_fix, fixed_gauge.held(fix)).rank,
+        "rank_prior": spectrum(with_pull).rank,
+        "eigenvalues": found.eigenvalues,
+        "gap": found.gap,
+    }
+
+
+def work(options: argparse.Namespace) -> None:
+    problem = load_problems(options.problems)[0]
+    if options.noise:
+        problem = problem.with_noise(**options.noise)
+    fix, prior, free = load_states(options.states)
+    with threadpool_limits(limits=1):
+        arrays = compare_gauges(problem, fix, prior, free, options.prior_weight)
+    save_arrays(options.output, arrays)
+    logging.info(
+        "relative Frobenius distance to fixed: %.2e at the same point, %.2e converged, %.2e prior",
+        arrays["relative_frobenius_same_point"],
+        arrays["relative_frobenius_converged"],
+        arrays["relative_frobenius_prior"],
+    )
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--problems", type=Path, required=True, help="archive; its first problem is used")
+    arguments.add_argument(
+        "--states", type=Path, required=True, help="estimates in the order fix, prior, free"
+    )
+    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
+    arguments.add_argument(
+        "--noise", type=json_argument, default={}, help="noise model, as in the config"
+    )
+    arguments.add_argument(
+        "--output", type=Path, required=True, help="output: covariances and their distances"
+    )
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""Solve one configuration under a range of prior weights (Section V-A, Figs. 4-6).
+
+The first entry of the trace is also the free gauge, to compare with weight zero.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from vigauge.archive import load_problems, load_states
+from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.experiment import Trial, first_solves, solution_row, solve_interleaved, timing_row, trace_rows
+from vigauge.files import write_rows
+from vigauge.gauge import FreeGauge, Gauge, PriorGauge
+from vigauge.levenberg_marquardt import Options
+
+FREE = "free"
+
+
+def work(options: argparse.Namespace) -> None:
+    solver = settings_from(Options, options.solver, "solver")
+    truth = load_states(options.truth)[0]
+    trials = [Trial({"trial": i}, p) for i, p in enumerate(load_problems(options.problems))]
+    gauges: dict[str, Gauge] = {weight: PriorGauge(float(weight)) for weight in options.weights}
+    gauges[FREE] = FreeGauge()
+
+    def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
+        return tqdm(trials, desc="prior weights", unit="trial", disable=None)
+
+    with threadpool_limits(limits=1):
+        solves = solve_interleaved(trials, gauges, solver, clock=time.perf_counter, progress=bar)
+    first = first_solves(solves, gauges)
+    write_rows(options.sweep, [solution_row(s, truth, "weight") for s in first])
+    write_rows(options.trace, [row for s in first for row in trace_rows(s, "weight")])
+    write_rows(options.timing, [timing_row(s, "weight") for s in solves])
+    logging.info("%d weights, %d trials", len(options.weights), len(trials))
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--problems", type=Path, required=True)
+    arguments.add_argument("--truth", type=Path, required=True)
+    arguments.add_argument(
+        "--weights", nargs="+", required=True, help="prior weights, as they are to be written"
+    )
+    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    arguments.add_argument("--sweep", type=Path, required=True, help="output: a row a solve")
+    arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
+    arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

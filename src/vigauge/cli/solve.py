@@ -1,0 +1,109 @@
+"""Solve an experiment in the three gauges, interleaved and timed inside the process.
+
+BLAS runs on one thread: more are slower at these sizes, and times would not compare.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from vigauge.archive import load_problems, load_states, save_states
+from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.errors import ConfigError
+from vigauge.experiment import (
+    TimedSolve,
+    Trial,
+    first_solves,
+    solution_row,
+    solve_interleaved,
+    timing_row,
+    trace_rows,
+)
+from vigauge.files import write_json, write_rows
+from vigauge.gauge import FixedGauge, FreeGauge, Gauge, PriorGauge
+from vigauge.levenberg_marquardt import Options
+from vigauge.machine import describe_machine, versions
+from vigauge.problem import Problem
+
+HEADLINE = "headline"
+
+
+def three_gauges(prior_weight: float) -> dict[str, Gauge]:
+    """The paper's three approaches by the names that results carry."""
+    return {"fix": FixedGauge(), "prior": PriorGauge(prior_weight), "free": FreeGauge()}
+
+
+def _trials(problems: list[Problem], noise: dict[str, dict[str, float]]) -> dict[str, list[Trial]]:
+    """Trials by noise model; the headline model comes first. No models: noise as in the file."""
+    if not noise:
+        return {HEADLINE: [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(problems)]}
+    if HEADLINE not in noise:
+        raise ConfigError("config section 'noise'", "must have a model 'headline'", value=sorted(noise))
+    names = [HEADLINE, *(name for name in noise if name != HEADLINE)]
+    return {
+        name: [
+            Trial({"noise": name, "trial": i}, p.with_noise(**noise[name])) for i, p in enumerate(problems)
+        ]
+        for name in names
+    }
+
+
+def work(options: argparse.Namespace) -> None:
+    solver = settings_from(Options, options.solver, "solver")
+    gauges = three_gauges(options.prior_weight)
+    truth = load_states(options.truth)[0]
+    trials = _trials(load_problems(options.problems), options.noise)
+
+    def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
+        return tqdm(trials, desc="solve", unit="trial", leave=False, disable=None)
+
+    first: list[TimedSolve] = []
+    timed: list[TimedSolve] = []
+    with threadpool_limits(limits=1):
+        for name, group in trials.items():
+            repeats = options.repeats if name == HEADLINE else 1
+            solves = solve_interleaved(
+                group, gauges, solver, clock=time.perf_counter, repeats=repeats, progress=bar
+            )
+            first += first_solves(solves, gauges)
+            timed += solves if name == HEADLINE else []
+        machine = describe_machine()
+    write_rows(options.solutions, [solution_row(s, truth) for s in first])
+    write_rows(options.trace, [row for s in first for row in trace_rows(s)])
+    shown = [s for s in first if s.trial.labels == {"noise": HEADLINE, "trial": 0}]
+    save_states(options.states, [s.solution.state for s in shown])
+    write_rows(options.timing, [timing_row(s) for s in timed])
+    write_json(options.machine, {"machine": machine, "versions": versions()})
+    failed = sum(not s.solution.converged for s in first)
+    logging.info("%d solves, %d without convergence", len(first), failed)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--problems", type=Path, required=True)
+    arguments.add_argument("--truth", type=Path, required=True)
+    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
+    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    arguments.add_argument(
+        "--noise", type=json_argument, default={}, help="noise models: sigma_px and density_factor"
+    )
+    arguments.add_argument("--repeats", type=int, default=1, help="timed repeats of every trial")
+    arguments.add_argument("--solutions", type=Path, required=True, help="output: a row a solve")
+    arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
+    arguments.add_argument(
+        "--states", type=Path, required=True, help="output: estimates of trial 0 (fix, prior, free)"
+    )
+    arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
+    arguments.add_argument("--machine", type=Path, required=True, help="output: what it ran on")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

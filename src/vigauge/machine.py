@@ -1,0 +1,61 @@
+"""What a result was computed on: versions, processor, threads."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_info
+
+PACKAGES = (
+    "vigauge",
+    "numpy",
+    "scipy",
+    "pandas",
+    "matplotlib",
+    "opencv-python-headless",
+    "pycolmap",
+    "snakemake",
+)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def processor() -> str:
+    """Model name of the processor, as the operating system gives it."""
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.is_file():
+        for line in cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results depend on."""
+    return {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
+
+
+def describe_machine() -> dict[str, Any]:
+    """Processor, cores, operating system, BLAS libraries and the threads they may use now."""
+    return {
+        "processor": processor(),
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "blas": [
+            {
+                key: info[key]
+                for key in ("internal_api", "version", "architecture", "num_threads")
+                if key in info
+            }
+            for info in threadpool_info()
+        ],
+    }

@@ -1,0 +1,42 @@
+"""What all tests share: one BLAS thread, no display, repeatable examples, and EuRoC where it is."""
+
+from __future__ import annotations
+
+import os
+
+# Read when NumPy and Matplotlib are first imported, so set before anything imports them.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+from pathlib import Path  # noqa: E402
+
+import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
+
+# The same examples in every run, so that a red run is red again; no deadline on a loaded machine.
+# `pytest --hypothesis-profile=default` searches new ones.
+settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.load_profile("repeatable")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip, with the reason, what needs real data on a machine that has none."""
+    if os.environ.get("EUROC_ROOT"):
+        return
+    skip = pytest.mark.skip(reason="EUROC_ROOT is not set")
+    for item in items:
+        if item.get_closest_marker("euroc"):
+            item.add_marker(skip)
+
+
+@pytest.fixture(scope="session")
+def euroc_root() -> Path:
+    """Folder of the real sequences; a root that is named but not there is an error, not a skip."""
+    named = os.environ.get("EUROC_ROOT")
+    if not named:
+        pytest.skip("EUROC_ROOT is not set")
+    root = Path(named)
+    if not root.is_dir():
+        pytest.fail(f"EUROC_ROOT names no folder: {root}")
+    return root

@@ -1,0 +1,157 @@
+"""Helpers of the rule files: names, sequence sources, config sections, code that a stage uses."""
+
+import json
+import os
+import re
+import sys
+from functools import cache
+from pathlib import Path
+
+import grimp
+
+ROOT = Path(workflow.basedir)
+SOURCE = ROOT / "src"
+sys.path.insert(0, str(SOURCE))
+
+# Rules run `python -m vigauge...` with the interpreter and the sources of this workflow.
+shell.prefix(
+    f"set -euo pipefail; export PATH={Path(sys.executable).parent}:$PATH "
+    f"PYTHONPATH={SOURCE}${{PYTHONPATH:+:$PYTHONPATH}}; "
+)
+
+TRAJECTORIES = ["sine", "arc", "rec"]
+LAYOUTS = ["plane", "random"]
+CONFIGURATIONS = [f"{trajectory}_{points}" for points in LAYOUTS for trajectory in TRAJECTORIES]
+
+# More threads than any machine has: Snakemake cuts the number down to all of them, so a
+# timing job runs alone. (`workflow.cores` would make `--unlock` ask for --cores.)
+WHOLE_MACHINE = 1024
+
+EUROC_ROOT = os.environ.get("EUROC_ROOT", "") or config["euroc"]["root"]
+SOURCE_OF_SEQUENCES = "euroc" if EUROC_ROOT else "rendered"
+
+
+def sequence_name(key):
+    """Name under which results of a configured sequence are kept: a stand-in never has EuRoC's."""
+    if EUROC_ROOT:
+        return key
+    return "rendered_" + config["euroc"]["sequences"][key]["stand_in"]
+
+
+SEQUENCE_KEYS = {sequence_name(key): key for key in config["euroc"]["sequences"]}
+SEQUENCES = list(SEQUENCE_KEYS)
+MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
+VICON_ROOM = sequence_name(config["paper"]["vicon_room"])
+
+
+wildcard_constraints:
+    trajectory="|".join(TRAJECTORIES),
+    points="|".join(LAYOUTS),
+    configuration="|".join(CONFIGURATIONS),
+    sequence="|".join(re.escape(name) for name in SEQUENCES),
+    experiment="|".join(re.escape(name) for name in CONFIGURATIONS + SEQUENCES),
+    scene="hall|room",
+
+
+@cache
+def import_graph():
+    return grimp.build_graph("vigauge", cache_dir=None)
+
+
+@cache
+def code_of(stage):
+    """Source files that a stage runs: the module of its command and all that it imports.
+
+    Given as inputs, so that an edit reruns the rules that use the module, and no others.
+    """
+    graph = import_graph()
+    command = f"vigauge.cli.{stage}"
+    modules = {command} | graph.find_upstream_modules(command)
+    files = [SOURCE.joinpath(*module.split(".")).with_suffix(".py") for module in modules]
+    return sorted(os.path.relpath(file) for file in files if file.is_file())
+
+
+def section(*keys):
+    """A part of the configuration as JSON, for a command line; it is what a rule depends on."""
+    value = config
+    for key in keys:
+        value = value[key]
+    return json.dumps(value, sort_keys=True)
+
+
+def sequence_section(name, part):
+    """A part of the configuration of a sequence, as JSON."""
+    return section("euroc", "sequences", SEQUENCE_KEYS[name], part)
+
+
+def sequence_folder(name):
+    """ASL folder of a sequence: below the EuRoC root, or of the stand-in that is rendered."""
+    entry = config["euroc"]["sequences"][SEQUENCE_KEYS[name]]
+    if EUROC_ROOT:
+        return str(Path(EUROC_ROOT) / entry["folder"])
+    return f"data/rendered/{name}"
+
+
+def noise_models(wildcards):
+    """Noise models of a sequence, as JSON."""
+    return sequence_section(wildcards.sequence, "noise")
+
+
+def headline_noise(wildcards):
+    """The noise model of a sequence's headline results, as JSON."""
+    return section("euroc", "sequences", SEQUENCE_KEYS[wildcards.sequence], "noise", "headline")
+
+
+def ground_truth_folder(name, purpose):
+    """The first of the configured ground-truth folders that the sequence has.
+
+    A stand-in has one, which is exact. Where none exists the first is named, so that
+    Snakemake reports it as missing.
+    """
+    mav0 = Path(sequence_folder(name), "mav0")
+    if not EUROC_ROOT:
+        return str(mav0 / "state_groundtruth_estimate0")
+    choices = config["euroc"]["sequences"][SEQUENCE_KEYS[name]][purpose]
+    existing = [choice for choice in choices if (mav0 / choice / "data.csv").is_file()]
+    return str(mav0 / (existing or choices)[0])
+
+
+def sequence_files(wildcards):
+    """The files whose change makes a sequence's problem stale (images are named by data.csv)."""
+    folder = Path(sequence_folder(wildcards.sequence))
+    if not EUROC_ROOT:
+        return [str(folder / "rendered.json")]
+    sensors = [
+        folder / "mav0" / sensor / file
+        for sensor in ("cam0", "cam1", "imu0")
+        for file in ("data.csv", "sensor.yaml")
+    ]
+    truths = {ground_truth_folder(wildcards.sequence, purpose) for purpose in ("truth", "biases")}
+    return [str(file) for file in sensors] + sorted(f"{truth}/data.csv" for truth in truths)
+
+
+def front_end_folder(wildcards):
+    return sequence_folder(wildcards.sequence)
+
+
+def front_end_truth(wildcards):
+    return ground_truth_folder(wildcards.sequence, "truth")
+
+
+def front_end_biases(wildcards):
+    return ground_truth_folder(wildcards.sequence, "biases")
+
+
+def front_end_settings(wildcards):
+    """Settings of the front-end: the sequence's own, or those of its stand-in."""
+    if EUROC_ROOT:
+        return sequence_section(wildcards.sequence, "front_end")
+    return section("rendered", wildcards.sequence.removeprefix("rendered_"), "front_end")
+
+
+def scene_settings(wildcards):
+    return section("rendered", wildcards.scene, "scene")
+
+
+if EUROC_ROOT and not Path(EUROC_ROOT).is_dir():
+    raise WorkflowError(f"EuRoC root {EUROC_ROOT!r} (EUROC_ROOT or euroc.root) must be an existing folder")

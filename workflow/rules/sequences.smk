@@ -1,0 +1,45 @@
+"""Image sequences (Section VII): EuRoC where it is, else a rendered stand-in; and the front-end."""
+
+
+rule render:
+    input:
+        code=code_of("render"),
+    output:
+        folder=directory("data/rendered/rendered_{scene}/mav0"),
+        about="data/rendered/rendered_{scene}/rendered.json",
+    log:
+        "logs/render/{scene}.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        settings=scene_settings,
+    message:
+        "Rendering the stand-in {wildcards.scene} (not EuRoC)"
+    shell:
+        "python -m vigauge.cli.render --scene {wildcards.scene} --output data/rendered"
+        " --settings {params.settings:q} --log {log:q}"
+
+
+rule front_end:
+    input:
+        sequence=sequence_files,
+        code=code_of("front_end"),
+    output:
+        problem="data/sequences/{sequence}/problem.npz",
+        truth="data/sequences/{sequence}/truth.npz",
+        report="data/sequences/{sequence}/report.json",
+    log:
+        "logs/front_end/{sequence}.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        folder=front_end_folder,
+        truth=front_end_truth,
+        biases=front_end_biases,
+        settings=front_end_settings,
+    message:
+        "Front-end on {wildcards.sequence}"
+    shell:
+        "python -m vigauge.cli.front_end --sequence {params.folder:q} --biases {params.biases:q}"
+        " --truth {params.truth:q} --settings {params.settings:q} --output {output.problem:q}"
+        " --truth-output {output.truth:q} --report {output.report:q} --log {log:q}"
