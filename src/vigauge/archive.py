@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import os
 import zipfile
-from collections.abc import Mapping, Sequence
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,11 +21,13 @@ from .problem import InertialFactors, Problem
 from .state import State
 
 PathLike = str | os.PathLike[str]
+T = TypeVar("T")
 
 _STATE = ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref")
 _FACTORS = ("first", "second", "dt", "dp", "dR", "dv", "covariance")
-_CAMERAS = ("intrinsics", "size", "distortion", "R_BC", "p_BC")
+_CAMERAS = {"intrinsics": (4,), "size": (2,), "distortion": (4,), "R_BC": (3, 3), "p_BC": (3,)}
 _OBSERVATIONS = ("obs_keyframe", "obs_camera", "obs_landmark", "obs_uv")
+_INTEGERS = {"first", "second", "obs_keyframe", "obs_camera", "obs_landmark", "cameras.size"}
 
 
 def save_arrays(path: PathLike, arrays: Mapping[str, Any]) -> None:
@@ -38,9 +41,12 @@ def load_arrays(path: PathLike) -> dict[str, np.ndarray]:
     if not Path(path).is_file():
         raise DataError(path, "file must exist")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        archive = np.load(path, allow_pickle=False)
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise ValueError("it is a single array")
+        with archive:
             return {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, KeyError) as error:
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, KeyError) as error:
         raise DataError(path, f"must be an npz archive without pickles: {error}") from error
 
 
@@ -54,33 +60,67 @@ def _problem_arrays(problem: Problem) -> dict[str, Any]:
     arrays |= {name: getattr(problem, name) for name in _OBSERVATIONS}
     arrays["sigma_px"] = problem.sigma_px
     arrays["gravity"] = problem.gravity
-    cameras = problem.cameras
-    arrays["cameras.intrinsics"] = np.array([[c.fx, c.fy, c.cx, c.cy] for c in cameras])
-    arrays["cameras.size"] = np.array([[c.width, c.height] for c in cameras], dtype=np.int64)
-    arrays["cameras.distortion"] = np.array([c.distortion for c in cameras])
-    arrays["cameras.R_BC"] = np.array([c.R_BC for c in cameras])
-    arrays["cameras.p_BC"] = np.array([c.p_BC for c in cameras])
+    for camera_field, values in (
+        ("intrinsics", [[c.fx, c.fy, c.cx, c.cy] for c in problem.cameras]),
+        ("size", [[c.width, c.height] for c in problem.cameras]),
+        ("distortion", [c.distortion for c in problem.cameras]),
+        ("R_BC", [c.R_BC for c in problem.cameras]),
+        ("p_BC", [c.p_BC for c in problem.cameras]),
+    ):
+        dtype = np.int64 if f"cameras.{camera_field}" in _INTEGERS else np.float64
+        arrays[f"cameras.{camera_field}"] = np.array(values, dtype=dtype).reshape(-1, *_CAMERAS[camera_field])
     return arrays
 
 
-def _state_from(get: Mapping[str, np.ndarray], prefix: str = "") -> State:
-    return State(**{name: get[prefix + name] for name in _STATE})
+class _Entry:
+    """The fields of one entry, each checked for its type when it is taken."""
+
+    def __init__(self, fields: Mapping[str, np.ndarray]) -> None:
+        self.fields = fields
+
+    def take(self, name: str) -> np.ndarray:
+        if name not in self.fields:
+            raise DataError("entry", "field must be present", field=name)
+        array = self.fields[name]
+        integer = name.removeprefix("inertial.") in _INTEGERS
+        if array.dtype != (np.int64 if integer else np.float64):
+            rule = "must be 64-bit integers" if integer else "must be 64-bit floats"
+            raise DataError("entry", rule, field=name, value=array.dtype)
+        return array
+
+    def number(self, name: str) -> float:
+        array = self.take(name)
+        if array.shape != ():
+            raise DataError("entry", "must be a single number", field=name, value=array.shape)
+        return float(array)
 
 
-def _problem_from(get: Mapping[str, np.ndarray]) -> Problem:
-    cameras = tuple(
-        Camera(fx, fy, cx, cy, width, height, (k1, k2, p1, p2), np.array(R_BC), np.array(p_BC))
-        for (fx, fy, cx, cy), (width, height), (k1, k2, p1, p2), R_BC, p_BC in zip(
-            *(get[f"cameras.{name}"].tolist() for name in _CAMERAS), strict=True
-        )
+def _state_from(entry: _Entry, prefix: str = "") -> State:
+    return State(**{name: entry.take(prefix + name) for name in _STATE}).require_valid()
+
+
+def _cameras_from(entry: _Entry) -> tuple[Camera, ...]:
+    arrays = {name: entry.take(f"cameras.{name}") for name in _CAMERAS}
+    count = len(arrays["intrinsics"])
+    for name, shape in _CAMERAS.items():
+        if arrays[name].shape != (count, *shape):
+            raise DataError(
+                "entry", f"shape must be {(count, *shape)}", field=f"cameras.{name}", value=arrays[name].shape
+            )
+    return tuple(
+        Camera(*map(float, k), int(size[0]), int(size[1]), tuple(map(float, d)), R, p)  # type: ignore[arg-type]
+        for k, size, d, R, p in zip(*arrays.values(), strict=True)
     )
+
+
+def _problem_from(entry: _Entry) -> Problem:
     return Problem(
-        initial=_state_from(get, "initial."),
-        cameras=cameras,
-        inertial=InertialFactors(**{name: get[f"inertial.{name}"] for name in _FACTORS}),
-        sigma_px=float(get["sigma_px"]),
-        gravity=float(get["gravity"]),
-        **{name: get[name] for name in _OBSERVATIONS},
+        initial=_state_from(entry, "initial."),
+        cameras=_cameras_from(entry),
+        inertial=InertialFactors(**{name: entry.take(f"inertial.{name}") for name in _FACTORS}),
+        sigma_px=entry.number("sigma_px"),
+        gravity=entry.number("gravity"),
+        **{name: entry.take(name) for name in _OBSERVATIONS},
     )
 
 
@@ -91,17 +131,30 @@ def _save_list(path: PathLike, kind: str, entries: Sequence[Mapping[str, Any]]) 
     save_arrays(path, arrays)
 
 
-def _load_list(path: PathLike, kind: str) -> list[dict[str, np.ndarray]]:
+def _load_list(path: PathLike, kind: str, build: Callable[[_Entry], T]) -> list[T]:
     arrays = load_arrays(path)
     found = str(arrays.get("kind", ""))
     if found != kind:
         raise DataError(path, f"must hold {kind}", field="kind", value=found)
-    entries: list[dict[str, np.ndarray]] = [{} for _ in range(int(arrays["count"]))]
+    count = arrays.get("count")
+    if count is None or count.shape != () or count.dtype.kind != "i":
+        raise DataError(path, "must be a number of entries", field="count")
+    entries: list[dict[str, np.ndarray]] = [{} for _ in range(int(count))]
+    places = {str(index): entry for index, entry in enumerate(entries)}
     for name, value in arrays.items():
         index, slash, field = name.partition("/")
+        if slash and index not in places:
+            raise DataError(path, f"must belong to one of {len(entries)} entries", field=name)
         if slash:
-            entries[int(index)][field] = value
-    return entries
+            places[index][field] = value
+    out = []
+    for number, entry in enumerate(entries):
+        try:
+            out.append(build(_Entry(entry)))
+        except DataError as error:
+            rule = f"entry {number}: {error.rule}"
+            raise DataError(path, rule, row=error.row, field=error.field, value=error.value) from error
+    return out
 
 
 def save_problems(path: PathLike, problems: Sequence[Problem]) -> None:
@@ -111,11 +164,7 @@ def save_problems(path: PathLike, problems: Sequence[Problem]) -> None:
 
 def load_problems(path: PathLike) -> list[Problem]:
     """Read what :func:`save_problems` wrote; DataError where a field is missing or wrong."""
-    entries = _load_list(path, "problems")
-    try:
-        return [_problem_from(entry) for entry in entries]
-    except KeyError as error:
-        raise DataError(path, "field must be present", field=str(error)) from error
+    return _load_list(path, "problems", _problem_from)
 
 
 def save_states(path: PathLike, states: Sequence[State]) -> None:
@@ -125,8 +174,4 @@ def save_states(path: PathLike, states: Sequence[State]) -> None:
 
 def load_states(path: PathLike) -> list[State]:
     """Read what :func:`save_states` wrote; DataError where a field is missing or wrong."""
-    entries = _load_list(path, "states")
-    try:
-        return [_state_from(entry) for entry in entries]
-    except KeyError as error:
-        raise DataError(path, "field must be present", field=str(error)) from error
+    return _load_list(path, "states", _state_from)

@@ -100,18 +100,29 @@ def undistort(xy_distorted: Array, distortion: tuple[float, float, float, float]
         where the model cannot be inverted: the point lies beyond the radius at which
         the distortion folds the image over.
     """
-    xy = np.array(xy_distorted, dtype=float)
-    for _ in range(30):
+    target = np.asarray(xy_distorted, dtype=float)
+    xy = target.copy()
+    # Beyond the fold Newton's method may run away; what it makes of such points is judged below.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(30):
+            value, jacobian = distort(xy, distortion)
+            error = target - value
+            if np.max(np.abs(error), initial=0.0) < 1e-12:
+                break
+            try:
+                xy = xy + np.linalg.solve(jacobian, error[..., None])[..., 0]
+            except np.linalg.LinAlgError:
+                break  # a point sits exactly on the fold
         value, jacobian = distort(xy, distortion)
-        error = xy_distorted - value
-        if np.max(np.abs(error), initial=0.0) < 1e-12:
-            return xy
-        xy = xy + np.linalg.solve(jacobian, error[..., None])[..., 0]
-    bad = np.argmax(np.abs(error).max(axis=-1))
-    raise VigaugeError(
-        f"distortion {distortion} cannot be inverted at normalised point "
-        f"{np.reshape(xy_distorted, (-1, 2))[bad]}"
-    )
+        # Roots on the far side of the fold exist too: on the near side, the one that a lens images,
+        # the (symmetric) Jacobian is positive definite.
+        determinant = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] ** 2
+        near_side = (jacobian[..., 0, 0] > 0.0) & (determinant > 0.0)
+        good = near_side & (np.max(np.abs(target - value), axis=-1) < 1e-12)
+    if not np.all(good):
+        bad = target.reshape(-1, 2)[np.argmin(good.reshape(-1))]
+        raise VigaugeError(f"distortion {distortion} cannot be inverted at normalised point {bad}")
+    return xy
 
 
 def undistort_pixels(camera: Camera, uv: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from . import so3
-from .errors import DataError, SolverError
+from .errors import DataError, DegenerateError
 from .gauge import Gauge, orbit_tangent
 from .normal_equations import Index, NormalEquations, ReducedSystem, linearise
 from .problem import Problem
@@ -42,7 +42,7 @@ class Spectrum:
 
     @property
     def nullity(self) -> int:
-        """Number of directions without information: before the widest gap of the spectrum."""
+        """Number of directions without information: zero to rounding, next to the largest."""
         magnitude = np.sort(np.abs(self.eigenvalues))
         null = magnitude < len(magnitude) * 1e3 * np.finfo(float).eps * magnitude[-1]
         return int(np.count_nonzero(null))
@@ -64,13 +64,25 @@ def spectrum(equations: NormalEquations, held: Index | None = None) -> Spectrum:
 
 
 def _inverse(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix, scaled to a unit diagonal first."""
+    """Inverse of a positive definite matrix, scaled to a unit diagonal first.
+
+    Raises DegenerateError where the matrix is singular to rounding: a factorisation may
+    well succeed there, with pivots made of rounding errors.
+    """
+    n = len(matrix)
     scale = 1.0 / np.sqrt(np.diagonal(matrix))
     try:
         factor = np.linalg.cholesky(matrix * scale[:, None] * scale)
     except np.linalg.LinAlgError as error:
-        raise SolverError("the information matrix is not positive definite in this gauge") from error
-    half = scipy.linalg.solve_triangular(factor, np.diag(scale), lower=True, check_finite=False)
+        raise DegenerateError("the information matrix is not positive definite in this gauge") from error
+    half = scipy.linalg.solve_triangular(factor, np.eye(n), lower=True, check_finite=False)
+    # The trace of the scaled inverse lies between one and n times 1 / (smallest eigenvalue).
+    trace = float(np.vdot(half, half))
+    if trace * 10 * n * np.finfo(float).eps > 1.0:
+        raise DegenerateError(
+            f"more is unobservable than the gauge: the scaled information is singular (below {n / trace:.0e})"
+        )
+    half *= scale
     return half.T @ half
 
 
@@ -90,7 +102,7 @@ def motion_covariance(problem: Problem, state: State, gauge: Gauge) -> Array:
     Fixed gauge: inverse of the reduced Hessian, zero rows where held. Prior: inverse with
     the prior added. Any other gauge, the free one included: projection by its normal.
 
-    Raises SolverError where more than the gauge is unobservable.
+    Raises DegenerateError where more than the gauge is unobservable.
     """
     return covariance_of(linearise(problem, state), state, gauge, problem.initial)
 
@@ -167,7 +179,7 @@ def covariance_from_hessian(H: Array, U: Array, V: Array | None = None) -> Array
     ------
     DataError
         where U is not in the null space of H
-    SolverError
+    DegenerateError
         where H has further null directions
     """
     scale = np.sqrt(np.diagonal(H))

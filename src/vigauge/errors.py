@@ -63,5 +63,5 @@ class SolverError(VigaugeError):
     """The optimiser could not go on (non-finite cost, singular system)."""
 
 
-class DegenerateError(VigaugeError):
+class DegenerateError(SolverError):
     """More directions are unobservable than the gauge explains; no covariance is given."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,14 +36,31 @@ def align_first_pose(estimate: State, truth: State) -> State:
     return estimate.transformed(yaw, truth.p_W[0] - so3.yaw_rotation(yaw) @ estimate.p_W[0])
 
 
-def trajectory_errors(estimate: State, truth: State) -> TrajectoryErrors:
-    """RMSE after first-pose alignment, over the keyframes of both states (Section IV-C.1)."""
+def align_all_poses(estimate: State, truth: State) -> State:
+    """``estimate`` moved by the 4-DoF transformation that brings all positions closest together.
+
+    Closed form: the shift joins the centroids, the yaw is the least-squares one in the
+    horizontal plane. Unlike the first-pose alignment of the paper, an error of the first
+    true pose does not enter every other error.
+    """
+    a = estimate.p_W - estimate.p_W.mean(axis=0)
+    b = truth.p_W - truth.p_W.mean(axis=0)
+    cross = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+    yaw = float(np.arctan2(cross, np.sum(a[:, :2] * b[:, :2])))
+    shift = truth.p_W.mean(axis=0) - so3.yaw_rotation(yaw) @ estimate.p_W.mean(axis=0)
+    return estimate.transformed(yaw, shift)
+
+
+def trajectory_errors(
+    estimate: State, truth: State, align: Callable[[State, State], State] = align_first_pose
+) -> TrajectoryErrors:
+    """RMSE over the keyframes of both states after alignment, the paper's by default (Section IV-C.1)."""
     if estimate.n_keyframes != truth.n_keyframes:
         raise VigaugeError(
             "estimate and truth must have the same keyframes: "
             f"{estimate.n_keyframes} against {truth.n_keyframes}"
         )
-    aligned = align_first_pose(estimate, truth)
+    aligned = align(estimate, truth)
     rotation = so3.log(aligned.R_WB @ truth.R_WB.swapaxes(1, 2))
     return TrajectoryErrors(
         p_rmse_m=_rms_length(aligned.p_W - truth.p_W),

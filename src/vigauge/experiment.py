@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from .evaluation import trajectory_errors
+from .evaluation import align_all_poses, trajectory_errors
 from .gauge import Gauge
 from .levenberg_marquardt import Options, Solution, solve
 from .problem import Problem
@@ -91,6 +91,8 @@ def solution_row(timed: TimedSolve, truth: State, label: str = "gauge") -> Row:
         "p_rmse_m": end.p_rmse_m,
         "phi_rmse_deg": end.phi_rmse_deg,
         "v_rmse_mps": end.v_rmse_mps,
+        "p_rmse_all_poses_m": trajectory_errors(solution.state, truth, align_all_poses).p_rmse_m,
+        "start_p_rmse_all_poses_m": trajectory_errors(problem.initial, truth, align_all_poses).p_rmse_m,
         "start_p_rmse_m": start.p_rmse_m,
         "start_phi_rmse_deg": start.phi_rmse_deg,
         "start_v_rmse_mps": start.v_rmse_mps,

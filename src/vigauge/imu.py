@@ -135,33 +135,41 @@ def preintegrate(samples: ImuSamples, t_start_ns: int, t_end_ns: int, noise: Imu
     dp_steps = h * dv[:-1] + h**2 / 6.0 * (2.0 * force[:-1] + force[1:])
     dp = np.concatenate([np.zeros((1, 3)), np.cumsum(dp_steps, axis=0)])
 
-    share = _noise_shares(time, rotation, turn, dp, dv)
-    # A step's rate and force are means of its two nodes; nodes are means of samples.
-    to_samples = 0.5 * (weights[:-1] + weights[1:])
-    share = np.einsum("kij,ks->sij", share, to_samples)
-    sample_period = samples.period()
-    deviation = np.repeat([noise.gyro_density, noise.accel_density], 3) / np.sqrt(sample_period)
-    share = share * deviation
+    by_rate, by_force = _noise_shares(time, rotation, turn, force, dp, dv)
+    # A step's rate is the mean of its two nodes; nodes are means of samples.
+    sampled = [
+        np.einsum("kij,ks->sij", by_rate, 0.5 * (weights[:-1] + weights[1:])) * noise.gyro_density,
+        np.einsum("kij,ks->sij", by_force, weights) * noise.accel_density,
+    ]
+    share = np.concatenate(sampled, axis=2) / np.sqrt(samples.period())
     covariance = np.einsum("sij,skj->ik", share, share)
     return Preintegrated(float(time[-1]), dp[-1], rotation[-1], dv[-1], covariance)
 
 
-def _noise_shares(time: Array, rotation: Array, turn: Array, dp: Array, dv: Array) -> Array:
-    """(M, 9, 6) effect of each step's (rate, force) error on (dp, dphi, dv) at the end.
+def _noise_shares(
+    time: Array, rotation: Array, turn: Array, force: Array, dp: Array, dv: Array
+) -> tuple[Array, Array]:
+    """Effects on (dp, dphi, dv) at the end: of each step's rate error (M, 9, 3), and of each
+    node's force error (M + 1, 9, 3).
 
     In the frame at the start a rotation error stays constant, so what a rate error does
-    to velocity and position is a cross product with what is still to be accumulated.
+    to velocity and position is a cross product with what is still to be accumulated. That
+    includes half of its own step, whose force at the end is turned already.
     """
-    h = np.diff(time)[:, None, None]
-    left = (time[-1] - time)[:, None]  # time still to go at each node
-    tilt = rotation[1:] @ so3.right_jacobian(turn) * h
-    velocity_to_come = dv[-1] - dv[1:]
-    position_to_come = dp[-1] - dp[1:] - dv[1:] * left[1:]
-    out = np.zeros((len(turn), 9, 6))
-    out[:, 0:3, 0:3] = -so3.hat(position_to_come) @ tilt
-    out[:, 3:6, 0:3] = rotation[-1].T @ tilt
-    out[:, 6:9, 0:3] = -so3.hat(velocity_to_come) @ tilt
-    middle = rotation[:-1] @ so3.exp(0.5 * turn)
-    out[:, 6:9, 3:6] = middle * h
-    out[:, 0:3, 3:6] = middle * h * (0.5 * (left[:-1] + left[1:]))[:, :, None]
-    return out
+    h = np.diff(time)[:, None]
+    left = (time[-1] - time[1:])[:, None]  # time still to go after each step
+    tilt = rotation[1:] @ so3.right_jacobian(turn) * h[:, :, None]
+    velocity_to_come = dv[-1] - dv[1:] + 0.5 * h * force[1:]
+    position_to_come = dp[-1] - dp[1:] - dv[1:] * left + h * (h / 6.0 + 0.5 * left) * force[1:]
+    by_rate = np.concatenate(
+        [-so3.hat(position_to_come) @ tilt, rotation[-1].T @ tilt, -so3.hat(velocity_to_come) @ tilt], axis=1
+    )
+    velocity_weight, position_weight = np.zeros((2, len(time), 1))
+    velocity_weight[:-1] += 0.5 * h
+    velocity_weight[1:] += 0.5 * h
+    position_weight[:-1] += h * (h / 3.0 + 0.5 * left)
+    position_weight[1:] += h * (h / 6.0 + 0.5 * left)
+    by_force = np.zeros((len(time), 9, 3))
+    by_force[:, 0:3] = position_weight[:, :, None] * rotation
+    by_force[:, 6:9] = velocity_weight[:, :, None] * rotation
+    return by_rate, by_force

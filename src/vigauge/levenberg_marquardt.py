@@ -135,9 +135,12 @@ class _Objective:
         self.structure = Structure.of(problem)
 
     def evaluate(self, state: State) -> _Evaluation:
-        visual = visual_residual(self.problem, state)
-        inertial = inertial_residual(self.problem, state)
-        cost = 0.5 * (float(np.vdot(visual, visual)) + float(np.vdot(inertial, inertial)))
+        # A trial step may go anywhere, even put a landmark at depth zero: its cost is then not
+        # finite, which the loop handles, so the arithmetic need not warn.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            visual = visual_residual(self.problem, state)
+            inertial = inertial_residual(self.problem, state)
+            cost = 0.5 * (float(np.vdot(visual, visual)) + float(np.vdot(inertial, inertial)))
         prior = self.gauge.prior(state, self.problem.initial)
         if prior is not None:
             cost += 0.5 * float(prior.residual @ prior.residual)

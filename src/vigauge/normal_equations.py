@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from .errors import SolverError
+from .errors import DegenerateError, SolverError
 from .problem import Problem
 from .residuals import InertialTerm, VisualTerm, inertial_term, visual_term
 from .so3 import Array
@@ -117,7 +117,8 @@ class NormalEquations:
     def eliminate(self, damping: Array | None = None) -> ReducedSystem:
         """Schur complement onto the motion of H + diag(damping); damping is (9N + 3K,).
 
-        Raises SolverError where a landmark block is not positive definite.
+        Raises SolverError where a landmark block is not positive definite, and without damping
+        DegenerateError where one is singular to rounding: a landmark seen along one line only.
         """
         s = self.structure
         n_motion = 9 * s.n_keyframes
@@ -129,9 +130,12 @@ class NormalEquations:
             landmark[:, diagonal, diagonal] += damping[n_motion:].reshape(-1, 3)
         try:
             # F with F^T F = C^-1, so that W C^-1 W^T = (W F^T)(W F^T)^T.
-            factor = np.linalg.inv(np.linalg.cholesky(landmark))
+            root = np.linalg.cholesky(landmark)
         except np.linalg.LinAlgError as error:
             raise SolverError("a landmark's block of H is not positive definite") from error
+        if damping is None:
+            _require_full_rank(landmark, root)
+        factor = np.linalg.inv(root)
         half = self.pair @ factor[s.pair_landmark].swapaxes(1, 2)
         blocks = np.zeros((s.n_keyframes, 6, s.n_landmarks, 3))
         blocks[s.pair_keyframe, :, s.pair_landmark] = half
@@ -212,6 +216,15 @@ class ReducedSystem:
         return np.einsum("kji,kj->ki", self.factor, right)
 
 
+def _require_full_rank(landmark: Array, root: Array) -> None:
+    """A pivot that is a rounding error of its diagonal entry means a direction that no view measures."""
+    diagonal = np.diagonal(landmark, axis1=1, axis2=2)
+    pivot = np.diagonal(root, axis1=1, axis2=2) ** 2
+    smallest = np.min(pivot / diagonal, axis=1, initial=1.0)
+    if np.any(smallest < 1e3 * np.finfo(float).eps):
+        raise DegenerateError(f"landmark {int(np.argmin(smallest))} is unobservable along its line of sight")
+
+
 def _sum_runs(blocks: Array, starts: Index) -> Array:
     return np.add.reduceat(blocks, starts, axis=0) if len(starts) else blocks[:0]
 
@@ -219,7 +232,7 @@ def _sum_runs(blocks: Array, starts: Index) -> Array:
 def _add_visual(s: Structure, term: VisualTerm, motion: Array, gradient: Array) -> None:
     ordered = term.by_pose[s.by_keyframe]
     residual = term.residual[s.by_keyframe]
-    ends = np.append(s.keyframe_start[1:], len(ordered))
+    ends = np.append(s.keyframe_start, len(ordered))[1:]
     # One BLAS product a keyframe, not one small product an observation.
     for keyframe, lo, hi in zip(s.observed, s.keyframe_start, ends, strict=True):
         J = ordered[lo:hi].reshape(-1, 6)

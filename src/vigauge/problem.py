@@ -19,12 +19,21 @@ from .so3 import Array
 from .state import State
 
 
+def _require_finite(file: str, name: str, array: Array) -> None:
+    if not np.all(np.isfinite(array)):
+        row = int(np.argwhere(~np.isfinite(array))[0][0])
+        raise DataError(file, "must be finite", field=name, row=row, value=array[row])
+
+
 @dataclass(frozen=True)
 class InertialFactors:
     """F preintegrated factors, stacked; factor f joins keyframes ``first[f]`` and ``second[f]``.
 
     ``dt`` (F,) s, ``dp`` (F, 3) m, ``dR`` (F, 3, 3), ``dv`` (F, 3) m/s; ``covariance``
     (F, 9, 9) in the order (dp, rotation, dv).
+
+    Raises DataError for other shapes, non-finite numbers, times that are not positive, or
+    covariances that are not positive definite.
     """
 
     first: NDArray[np.int64]
@@ -34,6 +43,34 @@ class InertialFactors:
     dR: Array
     dv: Array
     covariance: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.dt)
+        for name, shape in (
+            ("first", (count,)),
+            ("second", (count,)),
+            ("dt", (count,)),
+            ("dp", (count, 3)),
+            ("dR", (count, 3, 3)),
+            ("dv", (count, 3)),
+            ("covariance", (count, 9, 9)),
+        ):
+            array = getattr(self, name)
+            if array.shape != shape:
+                raise DataError("inertial factors", f"must have shape {shape}", field=name, value=array.shape)
+            _require_finite("inertial factors", name, array)
+        if count and self.dt.min() <= 0.0:
+            row = int(np.argmin(self.dt))
+            raise DataError(
+                "inertial factors", "must be positive", field="dt", row=row, value=float(self.dt[row])
+            )
+        try:
+            np.linalg.cholesky(self.covariance)
+        except np.linalg.LinAlgError as error:
+            row = int(np.argmin(np.linalg.eigvalsh(self.covariance)[:, 0]))
+            raise DataError(
+                "inertial factors", "must be positive definite", field="covariance", row=row
+            ) from error
 
     @classmethod
     def chain(cls, factors: list[Preintegrated]) -> InertialFactors:
@@ -63,11 +100,13 @@ class Problem:
     ----------
     initial : initial state theta_0, W frame
     cameras : the cameras that observations refer to
-    obs_keyframe, obs_camera, obs_landmark : (M,) int64 indices, ordered by landmark
+    obs_keyframe, obs_camera, obs_landmark : (M,) int64 indices, ordered by landmark, then keyframe
     obs_uv : (M, 2) ideal (undistorted) pixels
     sigma_px : standard deviation of one pixel coordinate
     inertial : preintegrated factors, biases taken off
     gravity : g in m/s^2; g_W = (0, 0, -g)
+
+    Raises DataError where shapes, indices, order or numbers are wrong.
     """
 
     initial: State
@@ -82,14 +121,17 @@ class Problem:
 
     def __post_init__(self) -> None:
         n, k, m = self.initial.n_keyframes, self.initial.n_landmarks, len(self.obs_uv)
-        for name, count in (
-            ("obs_keyframe", n),
-            ("obs_camera", len(self.cameras)),
-            ("obs_landmark", k),
+        if self.obs_uv.shape != (m, 2):
+            raise DataError("problem", f"must have shape ({m}, 2)", field="obs_uv", value=self.obs_uv.shape)
+        for name, index, length, count in (
+            ("obs_keyframe", self.obs_keyframe, m, n),
+            ("obs_camera", self.obs_camera, m, len(self.cameras)),
+            ("obs_landmark", self.obs_landmark, m, k),
+            ("first", self.inertial.first, len(self.inertial.dt), n),
+            ("second", self.inertial.second, len(self.inertial.dt), n),
         ):
-            index = getattr(self, name)
-            if index.shape != (m,):
-                raise DataError("problem", f"must have shape ({m},)", field=name, value=index.shape)
+            if index.shape != (length,):
+                raise DataError("problem", f"must have shape ({length},)", field=name, value=index.shape)
             bad = np.flatnonzero((index < 0) | (index >= count))
             if bad.size:
                 raise DataError(
@@ -99,18 +141,28 @@ class Problem:
                     row=int(bad[0]),
                     value=int(index[bad[0]]),
                 )
-        if np.any(np.diff(self.obs_landmark) < 0):
+        self._require_order()
+        _require_finite("problem", "obs_uv", self.obs_uv)
+        for name in ("sigma_px", "gravity"):
+            if not np.isfinite(getattr(self, name)):
+                raise DataError("problem", "must be finite", field=name, value=getattr(self, name))
+        if not self.sigma_px > 0:
+            raise DataError("problem", "must be positive", field="sigma_px", value=self.sigma_px)
+
+    def _require_order(self) -> None:
+        """Blocks of H are summed over runs of observations, so what belongs together must be adjacent."""
+        step = np.diff(self.obs_landmark)
+        if np.any(step < 0):
             raise DataError("problem", "observations must be ordered by landmark", field="obs_landmark")
-        seen = np.bincount(self.obs_landmark, minlength=k)
-        if k and seen.min() == 0:
+        if np.any(np.diff(self.obs_keyframe)[step == 0] < 0):
+            raise DataError(
+                "problem", "observations of a landmark must be ordered by keyframe", field="obs_keyframe"
+            )
+        seen = np.bincount(self.obs_landmark, minlength=self.initial.n_landmarks)
+        if len(seen) and seen.min() == 0:
             raise DataError(
                 "problem", "every landmark must be observed", field="obs_landmark", row=int(np.argmin(seen))
             )
-        if not np.all(np.isfinite(self.obs_uv)):
-            row = int(np.argwhere(~np.isfinite(self.obs_uv))[0][0])
-            raise DataError("problem", "must be finite", field="obs_uv", row=row, value=self.obs_uv[row])
-        if not self.sigma_px > 0:
-            raise DataError("problem", "must be positive", field="sigma_px", value=self.sigma_px)
 
     @classmethod
     def from_observations(

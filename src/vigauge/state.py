@@ -19,6 +19,32 @@ from .errors import DataError
 from .so3 import Array
 
 
+def _require_rotations(name: str, R: Array) -> None:
+    drift = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    drift = np.maximum(drift, np.where(np.linalg.det(R) > 0, 0.0, 2.0))
+    if np.any(drift > 1e-6):
+        row = int(np.argmax(drift))
+        raise DataError("state", "must be a rotation matrix", field=name, row=row, value=R[row])
+
+
+def _require_valid(p_W: Array, R_WB: Array, v_W: Array, X_W: Array) -> None:
+    n = len(p_W)
+    if n == 0:
+        raise DataError("state", "must have at least one keyframe", field="p_W")
+    for name, array, shape in (
+        ("p_W", p_W, (n, 3)),
+        ("R_WB", R_WB, (n, 3, 3)),
+        ("v_W", v_W, (n, 3)),
+        ("X_W", X_W, (len(X_W), 3)),
+    ):
+        if np.shape(array) != shape:
+            raise DataError("state", f"shape must be {shape}", field=name, value=np.shape(array))
+        if not np.all(np.isfinite(array)):
+            row = int(np.argwhere(~np.isfinite(np.asarray(array)))[0][0])
+            raise DataError("state", "must be finite", field=name, row=row, value=array[row])
+    _require_rotations("R_WB", np.asarray(R_WB, dtype=float))
+
+
 @dataclass(frozen=True)
 class State:
     """Keyframe states and landmarks, in the world frame W (z up).
@@ -46,24 +72,8 @@ class State:
 
         Raises DataError for wrong shapes, non-finite numbers or matrices that are no rotations.
         """
-        n = len(p_W)
-        for name, array, shape in (
-            ("p_W", p_W, (n, 3)),
-            ("R_WB", R_WB, (n, 3, 3)),
-            ("v_W", v_W, (n, 3)),
-            ("X_W", X_W, (len(X_W), 3)),
-        ):
-            if np.shape(array) != shape:
-                raise DataError("state", f"shape must be {shape}", field=name, value=np.shape(array))
-            if not np.all(np.isfinite(array)):
-                row = int(np.argwhere(~np.isfinite(np.asarray(array)))[0][0])
-                raise DataError("state", "must be finite", field=name, row=row, value=array[row])
+        _require_valid(p_W, R_WB, v_W, X_W)
         R_WB = np.array(R_WB, dtype=float)
-        drift = np.abs(R_WB @ R_WB.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
-        drift = np.maximum(drift, np.where(np.linalg.det(R_WB) > 0, 0.0, 2.0))
-        if np.any(drift > 1e-6):
-            row = int(np.argmax(drift))
-            raise DataError("state", "must be a rotation matrix", field="R_WB", row=row, value=R_WB[row])
         return cls(
             p_W=np.array(p_W, dtype=float),
             R_WB=R_WB,
@@ -72,6 +82,21 @@ class State:
             dphi_0=np.zeros(3),
             R_WB0_ref=R_WB[0].copy(),
         )
+
+    def require_valid(self) -> State:
+        """This state, if it is one: as :meth:`start` asks, and with Eq. (9) true of the first rotation.
+
+        Raises DataError. For states from outside; the methods of a valid state keep it valid.
+        """
+        _require_valid(self.p_W, self.R_WB, self.v_W, self.X_W)
+        if np.shape(self.dphi_0) != (3,) or not np.all(np.isfinite(self.dphi_0)):
+            raise DataError("state", "must be a finite rotation vector", field="dphi_0", value=self.dphi_0)
+        _require_rotations("R_WB0_ref", np.reshape(self.R_WB0_ref, (-1, 3, 3)))
+        if np.abs(so3.exp(self.dphi_0) @ self.R_WB0_ref - self.R_WB[0]).max() > 1e-6:
+            raise DataError(
+                "state", "Exp(dphi_0) R_WB0_ref must be the first rotation", field="dphi_0", value=self.dphi_0
+            )
+        return self
 
     @property
     def n_keyframes(self) -> int:

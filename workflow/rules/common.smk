@@ -3,21 +3,33 @@
 import json
 import os
 import re
+import shlex
 import sys
 from functools import cache
 from pathlib import Path
 
 import grimp
+from snakemake.exceptions import WorkflowError
 
 ROOT = Path(workflow.basedir)
 SOURCE = ROOT / "src"
 sys.path.insert(0, str(SOURCE))
 
+from vigauge.configuration import check_config
+from vigauge.errors import ConfigError
+
+try:
+    check_config(config, ROOT / "workflow/schemas/config.schema.yaml", "configuration")
+except ConfigError as error:
+    raise WorkflowError(str(error))
+
 # Rules run `python -m vigauge...` with the interpreter and the sources of this workflow.
-shell.prefix(
-    f"set -euo pipefail; export PATH={Path(sys.executable).parent}:$PATH "
-    f"PYTHONPATH={SOURCE}${{PYTHONPATH:+:$PYTHONPATH}}; "
-)
+search = {
+    "PATH": f"{Path(sys.executable).parent}:{os.environ.get('PATH', '')}",
+    "PYTHONPATH": f"{SOURCE}:{os.environ.get('PYTHONPATH', '')}".rstrip(":"),
+}
+exports = " ".join(f"{name}={shlex.quote(value)}" for name, value in search.items())
+shell.prefix(f"set -euo pipefail; export {exports}; ".replace("{", "{{").replace("}", "}}"))
 
 TRAJECTORIES = ["sine", "arc", "rec"]
 LAYOUTS = ["plane", "random"]
@@ -80,8 +92,10 @@ def section(*keys):
 
 
 def sequence_section(name, part):
-    """A part of the configuration of a sequence, as JSON."""
-    return section("euroc", "sequences", SEQUENCE_KEYS[name], part)
+    """A part of the configuration of a sequence or of its stand-in, as JSON."""
+    if EUROC_ROOT:
+        return section("euroc", "sequences", name, part)
+    return section("rendered", name.removeprefix("rendered_"), part)
 
 
 def sequence_folder(name):
@@ -99,7 +113,7 @@ def noise_models(wildcards):
 
 def headline_noise(wildcards):
     """The noise model of a sequence's headline results, as JSON."""
-    return section("euroc", "sequences", SEQUENCE_KEYS[wildcards.sequence], "noise", "headline")
+    return json.dumps(json.loads(noise_models(wildcards))["headline"], sort_keys=True)
 
 
 def ground_truth_folder(name, purpose):
@@ -143,10 +157,8 @@ def front_end_biases(wildcards):
 
 
 def front_end_settings(wildcards):
-    """Settings of the front-end: the sequence's own, or those of its stand-in."""
-    if EUROC_ROOT:
-        return sequence_section(wildcards.sequence, "front_end")
-    return section("rendered", wildcards.sequence.removeprefix("rendered_"), "front_end")
+    """Settings of a sequence's front-end, as JSON."""
+    return sequence_section(wildcards.sequence, "front_end")
 
 
 def scene_settings(wildcards):

@@ -89,9 +89,7 @@ def main() -> None:
         "--states", type=Path, required=True, help="estimates in the order fix, prior, free"
     )
     arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
-    arguments.add_argument(
-        "--noise", type=json_argument, default={}, help="noise model, as in the config"
-    )
+    arguments.add_argument("--noise", type=json_argument, default={}, help="noise model, as in the config")
     arguments.add_argument(
         "--output", type=Path, required=True, help="output: covariances and their distances"
     )

@@ -1,0 +1,73 @@
+"""Front-end: from an ASL sequence to a problem, the truth at its keyframes, and a report.
+
+Ground truth gives the known biases; the truth that is written serves evaluation only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vigauge.archive import save_problems, save_states
+from vigauge.cli.stage import json_argument, parser, run
+from vigauge.errors import DataError
+from vigauge.euroc.ground_truth import GroundTruth, read_ground_truth
+from vigauge.euroc.sequence import read_sequence
+from vigauge.files import write_json
+from vigauge.frontend.build import build_problem
+from vigauge.frontend.settings import FrontEndSettings
+from vigauge.state import State
+
+
+def truth_at(truth: GroundTruth, t_ns: NDArray[np.int64], folder: Path) -> State:
+    """True motion at the keyframes, without landmarks; DataError where it has no velocities."""
+    if truth.v_W is None:
+        raise DataError(folder / "data.csv", "ground truth for evaluation must have velocities (17 columns)")
+    nearest = truth.nearest(t_ns)
+    return State.start(truth.p_W[nearest], truth.R_WB[nearest], truth.v_W[nearest], np.zeros((0, 3)))
+
+
+def work(options: argparse.Namespace) -> None:
+    cv2.setNumThreads(1)
+    settings = FrontEndSettings.from_mapping(options.settings)
+    sequence = read_sequence(options.sequence)
+    biases = read_ground_truth(options.biases)
+    truth = biases if options.truth == options.biases else read_ground_truth(options.truth)
+    problem, t_ns, report = build_problem(sequence, biases, settings, progress=True)
+    save_states(options.truth_output, [truth_at(truth, t_ns, options.truth)])
+    save_problems(options.output, [problem])
+    details = report.to_mapping()
+    write_json(options.report, details | {"truth": options.truth.name, "biases": options.biases.name})
+    logging.info(
+        "%s: %d keyframes, %d landmarks, %d observations, median reprojection error %.2f px",
+        sequence.name,
+        len(t_ns),
+        problem.initial.n_landmarks,
+        len(problem.obs_uv),
+        details["median_reprojection_end_px"],
+    )
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--sequence", type=Path, required=True, help="folder with mav0/ in it")
+    arguments.add_argument(
+        "--biases", type=Path, required=True, help="ground-truth folder of the known biases"
+    )
+    arguments.add_argument("--truth", type=Path, required=True, help="ground-truth folder for evaluation")
+    arguments.add_argument("--settings", type=json_argument, required=True, help="front-end settings")
+    arguments.add_argument("--output", type=Path, required=True, help="output: the problem")
+    arguments.add_argument(
+        "--truth-output", type=Path, required=True, help="output: true states at the keyframes"
+    )
+    arguments.add_argument("--report", type=Path, required=True, help="output: counts and errors")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

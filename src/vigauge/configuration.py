@@ -1,0 +1,50 @@
+"""The configuration against its JSON schema: what is wrong is one sentence that names the key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from jsonschema import Draft202012Validator, ValidationError
+from jsonschema.exceptions import best_match
+from referencing import Registry, Resource
+from referencing.jsonschema import DRAFT202012
+
+from .errors import ConfigError
+
+
+def _key(error: ValidationError) -> str:
+    return ".".join(str(part) for part in error.absolute_path) or "(top level)"
+
+
+def _rule(error: ValidationError) -> tuple[str, object]:
+    """What must hold, in words, and the value to show."""
+    if error.validator == "additionalProperties":
+        known = sorted(error.schema.get("properties", {}))
+        unknown = sorted(set(error.instance) - set(known))
+        return f"unknown key {', '.join(unknown)}; known keys: {', '.join(known)}", None
+    if error.validator == "required":
+        missing = sorted(set(error.validator_value) - set(error.instance))
+        return f"missing key {', '.join(missing)}", None
+    about = error.schema.get("description") if isinstance(error.schema, Mapping) else None
+    return error.message + (f"; {about}" if about else ""), error.instance
+
+
+def load_validator(schema: Path) -> Draft202012Validator:
+    """Validator of a YAML schema, which may refer to the other schemas of its folder by file name."""
+    contents = {file.name: yaml.safe_load(file.read_text("utf-8")) for file in schema.parent.glob("*.yaml")}
+    resources = [(name, Resource(contents=text, specification=DRAFT202012)) for name, text in contents.items()]
+    return Draft202012Validator(contents[schema.name], registry=Registry().with_resources(resources))
+
+
+def check_config(config: Mapping[str, Any], schema: Path, file: str) -> None:
+    """Refuse a configuration that its schema does not allow.
+
+    Raises ConfigError with the key, the value and the rule it breaks, unit included.
+    """
+    error = best_match(load_validator(schema).iter_errors(config))
+    if error is not None:
+        rule, value = _rule(error)
+        raise ConfigError(file, rule, field=_key(error), value=value)

@@ -1,0 +1,144 @@
+"""A visual-inertial sequence in ASL layout: ``mav0/{cam0,cam1,imu0}``, validated as it is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+from ..errors import DataError
+from ..imu import ImuNoise, ImuSamples
+from .calibration import read_camera, read_imu_noise
+from .nearest import nearest_index
+from .tables import Table, read_table
+
+# The two cameras are triggered together; their stamps may differ by rounding only.
+_STEREO_TOLERANCE_NS = 10_000
+_LEAST_BASELINE_M = 1e-3
+# No rotor vehicle leaves these on the median; other units or swapped columns do.
+_MEDIAN_FORCE_MPS2 = (4.0, 25.0)
+# Above the 2000 deg/s that such gyroscopes saturate at.
+_LARGEST_RATE_RADPS = 40.0
+
+
+@dataclass(frozen=True)
+class StereoFrames:
+    """Image files of both cameras.
+
+    Attributes
+    ----------
+    t_ns : (F,) int64 stamps of the left camera, strictly increasing
+    left, right : F paths each
+    n_dropped : left frames without a right one, which are not in the lists
+    """
+
+    t_ns: NDArray[np.int64]
+    left: tuple[Path, ...]
+    right: tuple[Path, ...]
+    n_dropped: int
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """One sequence: calibration and data, images by path.
+
+    Attributes
+    ----------
+    name : name of the folder
+    folder : the folder that contains ``mav0``
+    cameras : left and right
+    frames : stereo image files
+    imu : samples as recorded, biases in
+    imu_noise : densities as published in ``imu0/sensor.yaml``
+    n_repeated_imu : identical repeated inertial rows that were left out
+    """
+
+    name: str
+    folder: Path
+    cameras: tuple[Camera, Camera]
+    frames: StereoFrames
+    imu: ImuSamples
+    imu_noise: ImuNoise
+    n_repeated_imu: int = 0
+
+
+def read_sequence(folder: Path) -> Sequence:
+    """Read a folder that contains ``mav0``; images are checked for existence, not opened.
+
+    Raises
+    ------
+    DataError
+        for a missing folder or file, and for whatever is wrong in one of them.
+    """
+    folder = Path(folder)
+    mav = folder / "mav0"
+    if not mav.is_dir():
+        raise DataError(mav, "sequence folder must exist and contain mav0")
+    cameras = (read_camera(mav / "cam0" / "sensor.yaml"), read_camera(mav / "cam1" / "sensor.yaml"))
+    baseline = float(np.linalg.norm(cameras[1].p_BC - cameras[0].p_BC))
+    if baseline < _LEAST_BASELINE_M:
+        rule = "the two cameras must be apart"
+        raise DataError(mav / "cam1" / "sensor.yaml", rule, field="T_BS", value=f"{baseline} m")
+    imu, n_repeated = _read_imu(mav / "imu0" / "data.csv")
+    return Sequence(
+        name=folder.resolve().name,
+        folder=folder,
+        cameras=cameras,
+        frames=_read_frames(mav),
+        imu=imu,
+        imu_noise=read_imu_noise(mav / "imu0" / "sensor.yaml"),
+        n_repeated_imu=n_repeated,
+    )
+
+
+def _read_frames(mav: Path) -> StereoFrames:
+    left = read_table(mav / "cam0" / "data.csv", (2,))
+    right = read_table(mav / "cam1" / "data.csv", (2,))
+    partner, distance = nearest_index(right.t_ns, left.t_ns)
+    paired = np.flatnonzero(distance <= _STEREO_TOLERANCE_NS)
+    if len(paired) == 0:
+        raise DataError(right.path, "must share stamps with cam0", field="timestamp", value=int(right.t_ns[0]))
+    return StereoFrames(
+        t_ns=left.t_ns[paired],
+        left=tuple(_image_path(left, k) for k in paired),
+        right=tuple(_image_path(right, partner[k]) for k in paired),
+        n_dropped=len(left.t_ns) - len(paired),
+    )
+
+
+def _image_path(table: Table, k: int) -> Path:
+    """The file that row k names, which must exist and lie inside the ``data`` folder."""
+    name = table.fields[k][0]
+    line = int(table.lines[k])
+    parts = PureWindowsPath(name)  # knows both kinds of slashes, and drives
+    if not name or "\x00" in name or parts.anchor or ".." in parts.parts:
+        rule = "must name a file inside the data folder"
+        raise DataError(table.path, rule, row=line, field="filename", value=name)
+    path = table.path.parent / "data" / name
+    if not path.is_file():
+        raise DataError(table.path, "image file must exist", row=line, field="filename", value=name)
+    return path
+
+
+def _read_imu(path: Path) -> tuple[ImuSamples, int]:
+    table = read_table(path, (7,), drop_repeated=True)
+    for k, wrong in ((1, ("a",)), (4, ("w", "g"))):
+        name = table.columns[k] if k < len(table.columns) else ""
+        if name.lower().startswith(wrong):
+            rule = "columns must be stamp, angular velocity (w), specific force (a)"
+            raise DataError(path, rule, row=1, field="header", value=name)
+    values = table.numbers()
+    gyro, accel = values[:, :3], values[:, 3:]
+    force = float(np.median(np.linalg.norm(accel, axis=1)))
+    if not _MEDIAN_FORCE_MPS2[0] < force < _MEDIAN_FORCE_MPS2[1]:
+        rule = "specific force must be in m/s^2 and in the last three columns (its median is near 9.8)"
+        raise DataError(path, rule, field="a", value=force)
+    fast = np.abs(gyro).max(axis=1) > _LARGEST_RATE_RADPS
+    if np.any(fast):
+        k = int(np.argmax(fast))
+        rule = f"angular velocity must be in rad/s (below {_LARGEST_RATE_RADPS:g})"
+        raise DataError(path, rule, row=int(table.lines[k]), field="w", value=gyro[k].tolist())
+    return ImuSamples(table.t_ns, gyro, accel), table.n_repeated

@@ -1,0 +1,173 @@
+"""The ``data.csv`` of ASL folders: a stamp in nanoseconds, then columns; read strictly.
+
+Stamps go from text to int64 without a float in between, which would round them to
+multiples of 256 ns. Byte-order marks, CRLF line ends, blank lines and one trailing comma
+are let pass; everything else that is odd raises DataError with the line of the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError
+from ..so3 import Array
+
+_INTEGER = re.compile(r"[0-9]{1,19}")
+_DECIMAL = re.compile(r"[0-9]+\.[0-9]*([eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+")
+_LARGEST_NS = int(np.iinfo(np.int64).max)
+
+# Stamps that fall into the years 2000 to 2100 when read in another unit, and whose whole
+# file then lasts less than a month, are not nanoseconds.
+_YEAR_2000_S, _YEAR_2100_S, _MONTH_S = 946_684_800, 4_102_444_800, 30 * 86_400
+_UNITS = (("s", 1), ("ms", 10**3), ("us", 10**6))
+
+
+@dataclass(frozen=True)
+class Table:
+    """The rows of one file, in order of time.
+
+    Attributes
+    ----------
+    path : the file, for messages
+    columns : names from the header, without ``#``; empty where there is no header
+    lines : (M,) 1-based line of the file each row came from
+    t_ns : (M,) int64 stamps, strictly increasing
+    fields : the text of the columns after the stamp, one tuple a row
+    n_repeated : rows left out because they repeat the row before them letter by letter
+    """
+
+    path: Path
+    columns: tuple[str, ...]
+    lines: NDArray[np.int64]
+    t_ns: NDArray[np.int64]
+    fields: tuple[tuple[str, ...], ...]
+    n_repeated: int
+
+    def numbers(self) -> Array:
+        """(M, columns - 1) finite numbers after the stamp; DataError names line and column."""
+        try:
+            values = np.array([[float(text) for text in row] for row in self.fields])
+            if np.all(np.isfinite(values)):
+                return values
+        except ValueError:
+            pass  # found and named below
+        for line, row in zip(self.lines, self.fields, strict=True):
+            for k, text in enumerate(row):
+                if not _is_finite(text):
+                    raise DataError(
+                        self.path,
+                        "must be a finite number",
+                        row=int(line),
+                        field=self.column_name(k + 1),
+                        value=text,
+                    )
+        raise AssertionError("unreachable: every field is a finite number")
+
+    def column_name(self, k: int) -> str:
+        """Name of column k, counted from 0, the stamp."""
+        return self.columns[k] if k < len(self.columns) else f"column {k + 1}"
+
+
+def _is_finite(text: str) -> bool:
+    try:
+        return bool(np.isfinite(float(text)))
+    except ValueError:
+        return False
+
+
+def read_table(path: Path, widths: Collection[int], *, drop_repeated: bool = False) -> Table:
+    """Read a ``data.csv`` whose rows have one of the allowed ``widths``, stamp included.
+
+    ``drop_repeated`` leaves out rows equal to the row before them and counts them; without
+    it, and for equal stamps on different rows, a repeated stamp is an error.
+
+    Raises
+    ------
+    DataError
+        for a file that is missing, not text, or without rows; a row of another width than
+        the first; a stamp that is no integer, not in nanoseconds, repeated or out of order.
+    """
+    columns, rows = _split(path)
+    if not rows:
+        raise DataError(path, "must have at least one row of data")
+    width = len(rows[0][1])
+    if width not in widths:
+        allowed = " or ".join(str(w) for w in sorted(widths))
+        raise DataError(path, f"must have {allowed} columns", row=rows[0][0], value=width)
+    lines: list[int] = []
+    stamps: list[int] = []
+    fields: list[tuple[str, ...]] = []
+    n_repeated = 0
+    for line, row in rows:
+        if len(row) != width:
+            raise DataError(path, f"must have {width} columns like the first row", row=line, value=len(row))
+        stamp = _stamp(path, line, row[0])
+        if stamps and stamp <= stamps[-1]:
+            if stamp < stamps[-1]:
+                raise DataError(path, "timestamps must increase", row=line, field="timestamp", value=stamp)
+            if not drop_repeated or tuple(row[1:]) != fields[-1]:
+                rule = "timestamps must not repeat" + (" with other values" if drop_repeated else "")
+                raise DataError(path, rule, row=line, field="timestamp", value=stamp)
+            n_repeated += 1
+            continue
+        lines.append(line)
+        stamps.append(stamp)
+        fields.append(tuple(row[1:]))
+    _require_nanoseconds(path, lines[0], stamps[0], stamps[-1])
+    return Table(
+        path, columns, np.array(lines), np.array(stamps, dtype=np.int64), tuple(fields), n_repeated
+    )
+
+
+def _split(path: Path) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
+    """Header names and (line, fields) of every row."""
+    if not path.is_file():
+        raise DataError(path, "file must exist")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (UnicodeDecodeError, OSError) as error:
+        raise DataError(path, f"must be a readable UTF-8 text file: {error}") from error
+    columns: tuple[str, ...] = ()
+    rows: list[tuple[int, list[str]]] = []
+    for line, content in enumerate(text.splitlines(), start=1):
+        content = content.strip()
+        if not content:
+            continue
+        row = [field.strip() for field in content.lstrip("#").split(",")]
+        if len(row) > 1 and not row[-1]:
+            row.pop()  # trailing comma
+        if content.startswith("#") or (not rows and not columns and "time" in row[0].lower()):
+            columns = columns or tuple(row)
+        else:
+            rows.append((line, row))
+    return columns, rows
+
+
+def _stamp(path: Path, line: int, text: str) -> int:
+    if _INTEGER.fullmatch(text) and int(text) <= _LARGEST_NS:
+        return int(text)
+    hint = ""
+    if _DECIMAL.fullmatch(text):
+        hint = "; these look like seconds" if float(text) < 1e11 else "; a float has lost digits already"
+    raise DataError(
+        path, f"timestamp must be an integer number of nanoseconds{hint}", row=line, field="timestamp", value=text
+    )
+
+
+def _require_nanoseconds(path: Path, line: int, first: int, last: int) -> None:
+    for unit, per_second in _UNITS:
+        dated = _YEAR_2000_S * per_second <= first <= _YEAR_2100_S * per_second
+        if dated and last - first < _MONTH_S * per_second:
+            raise DataError(
+                path,
+                f"timestamps must be in nanoseconds; these look like {unit}",
+                row=line,
+                field="timestamp",
+                value=first,
+            )

@@ -1,0 +1,45 @@
+"""The dense Jacobian of a problem, scattered block by block, in the plainest way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vigauge.problem import Problem
+from vigauge.residuals import inertial_residual, inertial_term, visual_residual, visual_term
+from vigauge.state import State
+
+
+def columns_of(state: State, kind: str, index: int) -> slice:
+    """Columns of one block: kind is position, rotation, velocity or landmark."""
+    n = state.n_keyframes
+    first = {"position": 0, "rotation": 3 * n, "velocity": 6 * n, "landmark": 9 * n}[kind] + 3 * index
+    return slice(first, first + 3)
+
+
+def dense_residual(problem: Problem, state: State) -> np.ndarray:
+    """(2M + 9F,) whitened residuals, the visual ones first."""
+    return np.concatenate(
+        [visual_residual(problem, state).ravel(), inertial_residual(problem, state).ravel()]
+    )
+
+
+def dense_jacobian(problem: Problem, state: State) -> np.ndarray:
+    """(2M + 9F, 9N + 3K) Jacobian of :func:`dense_residual` from the analytic terms."""
+    visual, inertial = visual_term(problem, state), inertial_term(problem, state)
+    count = len(visual.residual)
+    J = np.zeros((2 * count + inertial.residual.size, state.n_parameters))
+    for row in range(count):
+        block = J[2 * row : 2 * row + 2]
+        keyframe = problem.obs_keyframe[row]
+        block[:, columns_of(state, "position", keyframe)] = visual.by_pose[row, :, :3]
+        block[:, columns_of(state, "rotation", keyframe)] = visual.by_pose[row, :, 3:]
+        block[:, columns_of(state, "landmark", problem.obs_landmark[row])] = visual.by_landmark[row]
+    for row in range(len(inertial.residual)):
+        block = J[2 * count + 9 * row : 2 * count + 9 * row + 9]
+        for keyframe, by in (
+            (problem.inertial.first[row], inertial.by_first[row]),
+            (problem.inertial.second[row], inertial.by_second[row]),
+        ):
+            for part, kind in enumerate(("position", "rotation", "velocity")):
+                block[:, columns_of(state, kind, keyframe)] = by[:, 3 * part : 3 * part + 3]
+    return J

@@ -1,0 +1,69 @@
+"""Simulated problems of the size of a test, made once a session.
+
+The numbers are those of the paper's experiment, with fewer landmarks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+from vigauge.gauge import FreeGauge
+from vigauge.levenberg_marquardt import Options, solve
+from vigauge.problem import Problem
+from vigauge.simulation.scenario import Scene, make_scene, make_trial
+from vigauge.simulation.settings import SimulationSettings
+from vigauge.state import State
+
+SETTINGS = SimulationSettings(
+    duration_s=2.5,
+    mean_speed_mps=2.0,
+    n_keyframes=10,
+    n_landmarks=30,
+    minimum_views=3,
+    landmark_depth_m=(1.5, 8.0),
+    plane_roughness_m=0.05,
+    image_size_px=(320, 240),
+    field_of_view_deg=110.0,
+    sigma_px=1.0,
+    imu_rate_hz=200.0,
+    gyro_density=1.0e-3,
+    accel_density=1.0e-2,
+    gyro_bias_radps=(0.01, -0.02, 0.03),
+    accel_bias_mps2=(0.1, -0.05, 0.08),
+    rotation_amplitude_deg=12.0,
+    gravity_mps2=9.81,
+    perturb_position_m=0.05,
+    perturb_rotation_deg=6.0,
+    perturb_velocity_mps=0.05,
+    perturb_landmark_m=0.075,
+    n_trials=3,
+    redraw_noise=True,
+    seed=2018,
+)
+
+# Far below the defaults, so that what is compared is the minimum and not where a run stopped.
+# A function tolerance of zero would go on until rounding error decides.
+TIGHT = Options(
+    function_tolerance=1e-15, parameter_tolerance=1e-14, gradient_tolerance=1e-9, maximum_iterations=200
+)
+
+
+@cache
+def scene(trajectory: str = "sine", points: str = "random", **changes) -> Scene:
+    """A scene of the settings above, with the given fields changed."""
+    return make_scene(trajectory, points, replace(SETTINGS, **changes))
+
+
+@cache
+def trial(number: int = 0, trajectory: str = "sine", points: str = "random", **changes) -> Problem:
+    """The problem of one trial of such a scene."""
+    return make_trial(scene(trajectory, points, **changes), number)
+
+
+@cache
+def estimate(number: int = 0, trajectory: str = "sine", points: str = "random", **changes) -> State:
+    """The free-gauge minimum of such a problem; its first pose lies off the gauge of Eq. (10)."""
+    solution = solve(trial(number, trajectory, points, **changes), FreeGauge(), TIGHT)
+    assert solution.converged
+    return solution.state

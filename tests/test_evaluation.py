@@ -1,0 +1,85 @@
+"""Errors after 4-DoF alignment, and the comparison of covariances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from support.random_problem import random_state
+from vigauge import so3
+from vigauge.errors import VigaugeError
+from vigauge.evaluation import align_first_pose, relative_frobenius, trajectory_errors
+
+TRUTH = random_state(np.random.default_rng(21), 6, 3)
+yaw = st.floats(-3.1, 3.1)
+shift = st.tuples(*[st.floats(-10.0, 10.0)] * 3).map(np.array)
+
+
+def disturbed(rng: np.random.Generator, size: float = 0.05):
+    return TRUTH.retract(rng.normal(0.0, size, TRUTH.n_parameters))
+
+
+@given(yaw, shift)
+def test_a_gauge_transformation_is_no_error(alpha, t_W):
+    """Catches an alignment that leaves part of the gauge in the error."""
+    errors = trajectory_errors(TRUTH.transformed(alpha, t_W), TRUTH)
+    assert errors.p_rmse_m < 1e-13
+    assert errors.phi_rmse_rad < 1e-13
+    assert errors.v_rmse_mps < 1e-13
+
+
+@given(yaw, shift, st.integers(0, 100))
+def test_errors_do_not_depend_on_the_gauge(alpha, t_W, seed):
+    """Catches errors that a free-gauge estimate would be charged with."""
+    estimate = disturbed(np.random.default_rng(seed))
+    here, there = (trajectory_errors(s, TRUTH) for s in (estimate, estimate.transformed(alpha, t_W)))
+    for name in ("p_rmse_m", "phi_rmse_rad", "v_rmse_mps"):
+        assert getattr(there, name) == pytest.approx(getattr(here, name), rel=1e-11)
+
+
+def test_alignment_joins_the_first_poses():
+    """Catches an alignment over all poses: the first position and yaw agree exactly, tilt stays."""
+    estimate = disturbed(np.random.default_rng(1))
+    aligned = align_first_pose(estimate, TRUTH)
+    assert np.allclose(aligned.p_W[0], TRUTH.p_W[0], rtol=0, atol=1e-14)
+    q = so3.quaternion(aligned.R_WB[0] @ TRUTH.R_WB[0].T)
+    assert abs(q[3]) < 1e-15
+    assert np.linalg.norm(q[1:3]) > 1e-3
+    assert np.allclose(np.diff(aligned.p_W[:, 2]), np.diff(estimate.p_W[:, 2]), rtol=0, atol=1e-14)
+
+
+def test_alignment_may_turn_by_pi():
+    """Catches a yaw that folds at half a turn."""
+    aligned = align_first_pose(TRUTH.transformed(np.pi, np.zeros(3)), TRUTH)
+    assert np.allclose(aligned.p_W, TRUTH.p_W, rtol=0, atol=1e-13)
+
+
+def test_errors_of_a_known_disturbance():
+    """Catches a mean instead of a root mean square, per axis instead of per pose, or a wrong unit."""
+    n = TRUTH.n_keyframes
+    p_W, v_W, R_WB = TRUTH.p_W.copy(), TRUTH.v_W.copy(), TRUTH.R_WB.copy()
+    p_W[1] += [0.3, 0.0, 0.4]
+    v_W[2] += [0.0, 0.6, 0.8]
+    R_WB[3] = so3.exp([0.0, np.radians(9.0), 0.0]) @ R_WB[3]
+    errors = trajectory_errors(replace(TRUTH, p_W=p_W, v_W=v_W, R_WB=R_WB), TRUTH)
+    assert errors.p_rmse_m == pytest.approx(0.5 / np.sqrt(n), rel=1e-12)
+    assert errors.v_rmse_mps == pytest.approx(1.0 / np.sqrt(n), rel=1e-12)
+    assert errors.phi_rmse_deg == pytest.approx(9.0 / np.sqrt(n), rel=1e-12)
+    assert errors.phi_rmse_rad == pytest.approx(np.radians(9.0) / np.sqrt(n), rel=1e-12)
+
+
+def test_keyframes_must_match():
+    """Catches broadcasting of one trajectory over another."""
+    with pytest.raises(VigaugeError, match="same keyframes.*6.*1"):
+        trajectory_errors(TRUTH, random_state(np.random.default_rng(0), 1, 1))
+
+
+def test_relative_frobenius_is_over_the_reference():
+    """Catches the other denominator: ||A - B|| / ||B||, as in the captions of Figs. 9 and 10."""
+    A, B = np.diag([3.0, 0.0]), np.diag([1.0, 0.0])
+    assert relative_frobenius(A, B) == pytest.approx(2.0)
+    assert relative_frobenius(B, A) == pytest.approx(2.0 / 3.0)

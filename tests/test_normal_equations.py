@@ -1,0 +1,173 @@
+"""Block normal equations and Schur complement against dense linear algebra."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.dense import dense_jacobian, dense_residual
+from support.random_problem import random_problem
+from support.simulated import estimate, trial
+from vigauge.errors import SolverError
+from vigauge.normal_equations import NormalEquations, linearise, motion_columns
+from vigauge.problem import Problem
+
+NO_COLUMNS = np.empty(0, dtype=np.int64)
+
+
+def problems():
+    """Two cameras and a jumping factor; a simulated problem away from and at its minimum."""
+    mixed = random_problem(3)
+    return [(mixed, mixed.initial), (trial(), trial().initial), (trial(), estimate())]
+
+
+@pytest.mark.parametrize("case", range(3))
+def test_blocks_are_those_of_the_dense_product(case):
+    """Catches an observation summed into another block, or added twice: H = J^T J and g = J^T r."""
+    problem, state = problems()[case]
+    equations = linearise(problem, state)
+    J, r = dense_jacobian(problem, state), dense_residual(problem, state)
+    scale = np.linalg.norm(J, axis=0)
+    H = J.T @ J / scale[:, None] / scale
+    assert np.abs(equations.dense() / scale[:, None] / scale - H).max() < 1e-12
+    assert np.abs(equations.gradient - J.T @ r).max() < 1e-12 * np.linalg.norm(r) * scale.max()
+    assert np.allclose(equations.diagonal(), scale**2, rtol=1e-12)
+
+
+def test_two_cameras_of_one_keyframe_share_a_block():
+    """Catches the second camera's rows overwriting the first's in a (keyframe, landmark) block."""
+    problem = random_problem(3)
+    structure = linearise(problem, problem.initial).structure
+    pairs = set(zip(problem.obs_landmark.tolist(), problem.obs_keyframe.tolist(), strict=True))
+    assert len(structure.pair_start) == len(pairs) < len(problem.obs_uv)
+
+
+def test_keyframes_without_observations():
+    """Catches rows shifted to the next keyframe where one has no observations at all."""
+    problem = random_problem(5)
+    keep = problem.obs_keyframe != 2
+    problem = replace(
+        problem,
+        **{
+            f"obs_{name}": getattr(problem, f"obs_{name}")[keep]
+            for name in ("keyframe", "camera", "landmark", "uv")
+        },
+    )
+    J = dense_jacobian(problem, problem.initial)
+    H = linearise(problem, problem.initial).dense()
+    assert np.allclose(H, J.T @ J, rtol=1e-12, atol=1e-12 * np.abs(H).max())
+
+
+def dense_step(equations: NormalEquations, damping: np.ndarray, held: np.ndarray) -> np.ndarray:
+    keep = np.setdiff1d(np.arange(len(damping)), held)
+    H = (equations.dense() + np.diag(damping))[np.ix_(keep, keep)]
+    step = np.zeros(len(damping))
+    step[keep] = np.linalg.solve(H, -equations.gradient[keep])
+    return step
+
+
+@pytest.mark.parametrize("held", [NO_COLUMNS, np.array([0, 1, 2, 32]), np.array([5, 11, 40])])
+@pytest.mark.parametrize("case", range(2))
+def test_schur_step_is_the_dense_step(case, held):
+    """Catches an elimination, a back-substitution or a held column that is not exact."""
+    problem, state = problems()[case]
+    held = held[held < 9 * state.n_keyframes]
+    equations = linearise(problem, state)
+    damping = 1e-4 * equations.diagonal()
+    step = equations.eliminate(damping).solve(held)
+    expected = dense_step(equations, damping, held)
+    scale = np.sqrt(equations.diagonal())
+    assert np.linalg.norm(scale * (step - expected)) < 1e-9 * np.linalg.norm(scale * expected)
+    assert np.all(step[held] == 0.0)
+    assert np.count_nonzero(step) == len(step) - len(held)
+
+
+def test_schur_complement_is_the_dense_one():
+    """Catches damping added to one part only: S = A - W C^-1 W^T, with and without damping."""
+    problem, state = problems()[0]
+    equations = linearise(problem, state)
+    n = 9 * state.n_keyframes
+    for damping in (None, 0.1 * equations.diagonal()):
+        H = equations.dense() + (0.0 if damping is None else np.diag(damping))
+        g = equations.gradient
+        reduced = equations.eliminate(damping)
+        S = H[:n, :n] - H[:n, n:] @ np.linalg.solve(H[n:, n:], H[n:, :n])
+        b = g[:n] - H[:n, n:] @ np.linalg.solve(H[n:, n:], g[n:])
+        assert np.abs(reduced.matrix - S).max() < 1e-11 * np.abs(H[:n, :n]).max()
+        assert np.abs(reduced.gradient - b).max() < 1e-11 * np.abs(g[:n]).max()
+
+
+def test_couplings_are_those_of_the_blocks():
+    """Catches the landmark couplings that covariances go through: F W^T x and W F^T y."""
+    problem, state = problems()[0]
+    equations = linearise(problem, state)
+    reduced = equations.eliminate()
+    n, k = 9 * state.n_keyframes, state.n_landmarks
+    H = equations.dense()
+    W = H[:n, n:].reshape(n, k, 3)
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(size=(n, 4)), rng.normal(size=(k, 3, 4))
+    F = reduced.factor
+    assert np.allclose(F.swapaxes(1, 2) @ F, np.linalg.inv(equations.landmark), rtol=1e-9)
+    assert np.allclose(reduced.coupling(x), np.einsum("kab,nkb,nc->kac", F, W, x), rtol=1e-9, atol=1e-9)
+    expected = np.einsum("nkb,kab,kac->nc", W, F, y)
+    assert np.allclose(reduced.couple_back(y), expected, rtol=1e-9, atol=1e-9)
+    assert np.allclose(reduced.coupling(x[:, 0]), reduced.coupling(x)[:, :, 0], rtol=1e-14)
+
+
+def test_prior_is_added_once_and_only_there():
+    """Catches a prior that changes the equations it was added to, or touches other columns."""
+    problem, state = problems()[1]
+    equations = linearise(problem, state)
+    before = equations.motion.copy()
+    columns, r = np.array([0, 1, 2, 32]), np.array([1.0, -2.0, 3.0, 0.5])
+    J = np.random.default_rng(1).normal(size=(4, 4))
+    added = equations.with_prior(columns, r, J)
+    full = np.zeros((4, state.n_parameters))
+    full[:, columns] = J
+    assert np.allclose(added.dense() - equations.dense(), full.T @ full, rtol=0, atol=1e-6)
+    assert np.allclose(added.gradient - equations.gradient, full.T @ r, rtol=0, atol=1e-6)
+    assert np.array_equal(equations.motion, before)
+
+
+def test_order_of_motion_columns():
+    """Catches another order than all positions, all rotations, all velocities."""
+    assert motion_columns(2).tolist() == [
+        [0, 1, 2, 6, 7, 8, 12, 13, 14],
+        [3, 4, 5, 9, 10, 11, 15, 16, 17],
+    ]
+
+
+def without_landmarks(problem: Problem) -> Problem:
+    empty = np.zeros(0, dtype=np.int64)
+    return replace(
+        problem,
+        initial=replace(problem.initial, X_W=np.zeros((0, 3))),
+        obs_keyframe=empty,
+        obs_camera=empty,
+        obs_landmark=empty,
+        obs_uv=np.zeros((0, 2)),
+    )
+
+
+def test_inertial_only_problems():
+    """Catches sums over no landmarks: H, step and couplings of a problem without images."""
+    problem = without_landmarks(random_problem(2))
+    equations = linearise(problem, problem.initial)
+    J = dense_jacobian(problem, problem.initial)
+    assert np.allclose(equations.dense(), J.T @ J, rtol=1e-12, atol=1e-9)
+    damping = 0.1 * equations.diagonal()
+    step = equations.eliminate(damping).solve(NO_COLUMNS)
+    assert np.allclose(step, dense_step(equations, damping, NO_COLUMNS), rtol=1e-9, atol=1e-12)
+
+
+def test_failed_factorisations_are_named():
+    """Catches a bare linear algebra error where the solver expects its own."""
+    problem, state = problems()[0]
+    equations = linearise(problem, state)
+    with pytest.raises(SolverError, match="landmark"):
+        replace(equations, landmark=-equations.landmark).eliminate()
+    with pytest.raises(SolverError, match="reduced camera system"):
+        replace(equations, motion=-equations.motion).eliminate().solve(NO_COLUMNS)

@@ -1,0 +1,220 @@
+"""The DAG itself: artefacts, reruns, resumption, configuration errors."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from .conftest import make_project, snakemake
+
+pytestmark = pytest.mark.workflow
+
+TABLES = {
+    "table1.csv": ["gauge", "parameters", "hessian_rows", "hessian_rank"],
+    "table2.csv": ["configuration", "gauge", "p_rmse_m", "phi_rmse_deg", "v_rmse_mps"],
+    "table3.csv": ["sequence", "source", "gauge", "p_rmse_m", "phi_rmse_deg", "v_rmse_mps"],
+    "claims.csv": ["id", "section", "claim", "published", "measured", "criterion", "verdict"],
+}
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def planned_rules(output: str) -> set[str]:
+    """Rules of a dry run's job list."""
+    return set(re.findall(r"^(?:local)?rule (\w+):", output, flags=re.MULTILINE)) - {"all"}
+
+
+@pytest.mark.parametrize(("name", "columns"), TABLES.items())
+def test_tables_have_the_columns_that_readers_rely_on(
+    smoke_project: Path, name: str, columns: list[str]
+) -> None:
+    found = rows(smoke_project / "paper_figures" / name)
+    assert list(found[0]) == columns
+    for ending in (".md", ".tex") if name.startswith("table") else (".md",):
+        assert (smoke_project / "paper_figures" / name).with_suffix(ending).stat().st_size > 0
+
+
+def test_every_figure_has_both_formats_and_its_numbers(smoke_project: Path) -> None:
+    """A figure without the numbers it shows cannot be checked."""
+    for number in range(1, 12):
+        files = {file.suffix for file in (smoke_project / "paper_figures").glob(f"fig{number:02d}_*")}
+        assert {".pdf", ".png"} <= files, number
+        assert files & {".csv", ".npz"}, number
+
+
+def test_covariance_figures_hold_the_contract_arrays(smoke_project: Path) -> None:
+    for number, keyframes in (("09", 10), ("10", None)):
+        (path,) = (smoke_project / "paper_figures").glob(f"fig{number}_*.npz")
+        with np.load(path) as arrays:
+            for name in ("free", "transformed", "fixed"):
+                size = arrays[name].shape[0]
+                assert arrays[name].shape == (size, size)
+                assert keyframes is None or size == 9 * keyframes
+            assert arrays["relative_frobenius_same_point"] <= 1e-9
+            assert 0 < arrays["relative_frobenius_converged"] < 0.05
+
+
+def test_a_stand_in_is_never_called_euroc(smoke_project: Path) -> None:
+    """Rendered results must not pass for EuRoC's."""
+    for row in rows(smoke_project / "paper_figures" / "table3.csv"):
+        assert row["source"] == "rendered"
+        assert row["sequence"].startswith("rendered_")
+    assert "rendered stand-in, not EuRoC" in (smoke_project / "paper_figures" / "table3.md").read_text(
+        "utf-8"
+    )
+    environment = json.loads((smoke_project / "paper_figures" / "environment.json").read_text("utf-8"))
+    assert set(environment["sequences"].values()) == {"rendered"}
+
+
+def test_second_run_has_nothing_to_do(smoke_project: Path) -> None:
+    done = snakemake(smoke_project, "--dry-run")
+    assert done.returncode == 0, done.stderr
+    assert not planned_rules(done.stdout + done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("module", "reruns", "stays"),
+    [
+        ("simulation/landmarks.py", {"simulate"}, {"render"}),
+        ("frontend/pnp.py", {"front_end"}, {"simulate", "solve_simulation", "render"}),
+        (
+            "covariance.py",
+            {"covariance_simulation", "covariance_sequence"},
+            {"simulate", "render", "solve_simulation"},
+        ),
+        (
+            "figures/style.py",
+            set(),
+            {"simulate", "render", "front_end", "solve_simulation", "solve_sequence"},
+        ),
+    ],
+)
+def test_editing_a_module_reruns_what_uses_it_and_no_other_rule(
+    scratch_project: Path, module: str, reruns: set[str], stays: set[str]
+) -> None:
+    """Stale results after an edit in src/, or a whole rerun for a change of a figure."""
+    with (scratch_project / "src" / "vigauge" / module).open("a", encoding="utf-8") as stream:
+        stream.write("\n# edited\n")
+    done = snakemake(scratch_project, "--dry-run")
+    planned = planned_rules(done.stdout + done.stderr)
+    assert planned, "an edit that reruns nothing leaves stale results"
+    assert reruns <= planned
+    assert not planned & stays
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "reruns", "stays"),
+    [
+        ("simulation.sigma_px", "1.5", {"simulate"}, {"render", "front_end", "solve_sequence"}),
+        ("prior.sweep_weights", '["0","9"]', {"prior_sweep"}, {"simulate", "solve_simulation", "front_end"}),
+        (
+            "timing.repeats_sequence",
+            "4",
+            {"solve_sequence"},
+            {"simulate", "solve_simulation", "front_end", "render"},
+        ),
+    ],
+)
+def test_editing_a_config_key_reruns_what_depends_on_it(
+    scratch_project: Path, key: str, value: str, reruns: set[str], stays: set[str]
+) -> None:
+    section, name = key.split(".")
+    config = (scratch_project / "config" / "smoke.yaml").read_text("utf-8")
+    config = re.sub(rf"^  {name}: .*$\n?", "", config, flags=re.MULTILINE)
+    config = re.sub(rf"^{section}:$", f"{section}:\n  {name}: {value}", config, flags=re.MULTILINE)
+    (scratch_project / "config" / "smoke.yaml").write_text(config, "utf-8")
+    done = snakemake(scratch_project, "--dry-run")
+    planned = planned_rules(done.stdout + done.stderr)
+    assert reruns <= planned
+    assert not planned & stays
+
+
+def test_one_table_can_be_made_alone(smoke_project: Path) -> None:
+    """Table II must not need the image sequences."""
+    done = snakemake(smoke_project, "--dry-run", "--forceall", "paper_figures/table2.csv")
+    planned = planned_rules(done.stdout + done.stderr)
+    assert {"simulate", "solve_simulation"} <= planned
+    assert not planned & {"render", "front_end", "solve_sequence", "prior_sweep"}
+
+
+def test_unknown_config_key_is_one_clear_error(tmp_path: Path) -> None:
+    """A misspelt key must not be ignored."""
+    folder = make_project(tmp_path / "project")
+    done = snakemake(folder, "--dry-run", "--config", "simulation={n_trails: 3}", smoke=False)
+    assert done.returncode != 0
+    assert "configuration, simulation: unknown key n_trails; known keys:" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_config_value_out_of_range_names_key_value_and_unit(tmp_path: Path) -> None:
+    folder = make_project(tmp_path / "project")
+    done = snakemake(folder, "--dry-run", "--config", "simulation={sigma_px: -1}", smoke=False)
+    assert done.returncode != 0
+    assert "simulation.sigma_px" in done.stderr
+    assert "px" in done.stderr and "-1" in done.stderr
+
+
+def test_missing_euroc_root_is_one_clear_error(tmp_path: Path) -> None:
+    """A mistyped EUROC_ROOT must not fall back to the stand-in in silence."""
+    folder = make_project(tmp_path / "project")
+    done = snakemake(folder, "--dry-run", EUROC_ROOT=str(tmp_path / "nowhere"))
+    assert done.returncode != 0
+    assert "nowhere" in done.stderr and "must be an existing folder" in done.stderr
+
+
+def test_missing_sequence_file_is_named(tmp_path: Path) -> None:
+    folder = make_project(tmp_path / "project")
+    (tmp_path / "euroc").mkdir()
+    done = snakemake(folder, EUROC_ROOT=str(tmp_path / "euroc"))
+    assert done.returncode != 0
+    assert "MH_01_easy/mav0/cam0/data.csv" in done.stdout + done.stderr
+    assert not (folder / "paper_figures").exists()
+
+
+def test_killed_run_resumes_to_the_same_results(tmp_path: Path, smoke_project: Path) -> None:
+    """A half-written file that survives a kill, or results that depend on the interruption."""
+    folder = make_project(tmp_path / "project")
+    target = "data/solutions/sine_plane/solutions.csv"
+    command = [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "config/smoke.yaml", target]
+    process = subprocess.Popen(
+        command, cwd=folder, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + 120
+    while not (folder / "data/simulation/sine_plane").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    subprocess.run(["pkill", "-KILL", "-s", str(process.pid)], check=False)
+    process.wait()
+    assert process.returncode == -signal.SIGKILL
+    snakemake(folder, "--unlock")
+    done = snakemake(folder, "--rerun-incomplete", target)
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (folder / target).read_bytes() == (smoke_project / target).read_bytes()
+
+
+def test_same_config_gives_the_same_bytes(tmp_path: Path, smoke_project: Path) -> None:
+    """Hidden state in random numbers, file writers or thread order."""
+    folder = make_project(tmp_path / "project")
+    targets = [f"data/solutions/arc_random/{name}" for name in ("solutions.csv", "trace.csv", "states.npz")]
+    targets += ["data/simulation/arc_random/problems.npz", "data/covariance/arc_random.npz"]
+    done = snakemake(folder, *targets)
+    assert done.returncode == 0, done.stderr[-3000:]
+    for target in targets:
+        assert (folder / target).read_bytes() == (smoke_project / target).read_bytes(), target
+
+
+def test_report_builds_with_every_caption(smoke_project: Path) -> None:
+    done = snakemake(smoke_project, "--report", "report.html")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (smoke_project / "report.html").stat().st_size > 100_000
