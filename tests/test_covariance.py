@@ -247,6 +247,19 @@ def test_transformed_prior_covariance_is_the_fixed_one(weight):
     assert relative_frobenius(transformed, fixed) < 1e-9 * max(1.0, 1e3 / weight)
 
 
+@pytest.mark.parametrize("weight", [1e2, 1e5, 1e8])
+def test_prior_covariance_is_the_inverse_of_the_augmented_hessian(weight):
+    """Catches a wrong share of the prior along the orbit: here it is simply added to a dense H."""
+    problem, state, equations = on_gauge()
+    prior = PriorGauge(weight).prior(state, problem.initial)
+    H = equations.with_prior(prior.columns, prior.residual, prior.jacobian).dense()
+    scale = 1.0 / np.sqrt(np.diagonal(H))
+    inverse = np.linalg.inv(H * scale[:, None] * scale) * scale[:, None] * scale
+    n = 9 * state.n_keyframes
+    ours = covariance_of(equations, state, PriorGauge(weight), problem.initial)
+    assert relative_frobenius(ours, inverse[:n, :n]) < 1e-6
+
+
 def test_prior_covariance_differs_by_the_weight():
     """Catches a prior that is not (11): its covariance is the fixed one plus T T^T / w, with T the
     orbit's tangent in units of the gauge (I3)."""

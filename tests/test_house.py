@@ -42,6 +42,7 @@ FLOORS = (
     "state",
     "so3",
     "machine",
+    "configuration",
     "files",
     "errors",
 )

@@ -78,7 +78,7 @@ class _Entry:
     def __init__(self, fields: Mapping[str, np.ndarray]) -> None:
         self.fields = fields
 
-    def take(self, name: str) -> np.ndarray:
+    def take(self, name: str, *, number: bool = False) -> np.ndarray:
         if name not in self.fields:
             raise DataError("entry", "field must be present", field=name)
         array = self.fields[name]
@@ -86,13 +86,10 @@ class _Entry:
         if array.dtype != (np.int64 if integer else np.float64):
             rule = "must be 64-bit integers" if integer else "must be 64-bit floats"
             raise DataError("entry", rule, field=name, value=array.dtype)
+        if (array.ndim == 0) != number:
+            rule = "must be a single number" if number else "must be an array"
+            raise DataError("entry", rule, field=name, value=array.shape)
         return array
-
-    def number(self, name: str) -> float:
-        array = self.take(name)
-        if array.shape != ():
-            raise DataError("entry", "must be a single number", field=name, value=array.shape)
-        return float(array)
 
 
 def _state_from(entry: _Entry, prefix: str = "") -> State:
@@ -108,7 +105,7 @@ def _cameras_from(entry: _Entry) -> tuple[Camera, ...]:
                 "entry", f"shape must be {(count, *shape)}", field=f"cameras.{name}", value=arrays[name].shape
             )
     return tuple(
-        Camera(*map(float, k), int(size[0]), int(size[1]), tuple(map(float, d)), R, p)  # type: ignore[arg-type]
+        Camera(*map(float, k), int(size[0]), int(size[1]), tuple(map(float, d)), R, p)  # type: ignore[arg-type, call-arg]
         for k, size, d, R, p in zip(*arrays.values(), strict=True)
     )
 
@@ -118,8 +115,8 @@ def _problem_from(entry: _Entry) -> Problem:
         initial=_state_from(entry, "initial."),
         cameras=_cameras_from(entry),
         inertial=InertialFactors(**{name: entry.take(f"inertial.{name}") for name in _FACTORS}),
-        sigma_px=entry.number("sigma_px"),
-        gravity=entry.number("gravity"),
+        sigma_px=float(entry.take("sigma_px", number=True)),
+        gravity=float(entry.take("gravity", number=True)),
         **{name: entry.take(name) for name in _OBSERVATIONS},
     )
 

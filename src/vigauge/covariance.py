@@ -17,7 +17,7 @@ import scipy.linalg
 
 from . import so3
 from .errors import DataError, DegenerateError
-from .gauge import Gauge, orbit_tangent
+from .gauge import Gauge, GaugePrior, orbit_tangent
 from .normal_equations import Index, NormalEquations, ReducedSystem, linearise
 from .problem import Problem
 from .so3 import Array
@@ -110,14 +110,13 @@ def motion_covariance(problem: Problem, state: State, gauge: Gauge) -> Array:
 def covariance_of(equations: NormalEquations, state: State, gauge: Gauge, reference: State) -> Array:
     """As :func:`motion_covariance`, from normal equations at hand."""
     prior = gauge.prior(state, reference)
-    if prior is not None:
-        with_prior = equations.with_prior(prior.columns, prior.residual, prior.jacobian)
-        return _inverse(with_prior.eliminate().matrix)
     reduced = equations.eliminate()
+    if prior is not None:
+        return _with_prior(reduced, state, prior)
     held = gauge.held(state)
     if len(held):
         return _inverse_without(reduced.matrix, held)
-    return _projected(reduced, state, gauge)
+    return _projected(reduced, state, gauge.normal(state))
 
 
 def _inverse_without(matrix: Array, held: Index) -> Array:
@@ -127,14 +126,28 @@ def _inverse_without(matrix: Array, held: Index) -> Array:
     return covariance
 
 
-def _projected(reduced: ReducedSystem, state: State, gauge: Gauge) -> Array:
+def _with_prior(reduced: ReducedSystem, state: State, prior: GaugePrior) -> Array:
+    """Motion block of (H + V V^T)^-1, where V^T is the whitened Jacobian of the prior.
+
+    A prior on four gauge parameters says nothing about the shape, so this is the covariance
+    in the gauge with normal V plus the freedom that the prior leaves along the orbit:
+    U M M^T U^T with M = (V^T U)^-1. It stays exact at any weight, where H + V V^T does not.
+    """
+    V = np.zeros((state.n_parameters, len(prior.residual)))
+    V[prior.columns] = prior.jacobian.T
+    U = orbit_tangent(state)
+    along = np.linalg.solve((V.T @ U).T, U[: len(reduced.matrix)].T)
+    return _projected(reduced, state, V) + along.T @ along
+
+
+def _projected(reduced: ReducedSystem, state: State, V: Array) -> Array:
     """Motion block of Q G Q^T, with G built on the inverse of S off its null space.
 
     With M = (V^T U)^-1 this is G - U M (V^T G) - (G V) M^T U^T + U M (V^T G V) M^T U^T: the
     landmarks enter through four columns only.
     """
     n_motion = len(reduced.matrix)
-    U, V = orbit_tangent(state), gauge.normal(state)
+    U = orbit_tangent(state)
     U_motion, V_motion = U[:n_motion], V[:n_motion]
     V_landmark = V[n_motion:].reshape(-1, 3, 4)
     G = _inverse_on_complement(reduced.matrix, U_motion)

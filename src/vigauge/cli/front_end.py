@@ -9,7 +9,6 @@ import argparse
 import logging
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,7 +32,6 @@ def truth_at(truth: GroundTruth, t_ns: NDArray[np.int64], folder: Path) -> State
 
 
 def work(options: argparse.Namespace) -> None:
-    cv2.setNumThreads(1)
     settings = FrontEndSettings.from_mapping(options.settings)
     sequence = read_sequence(options.sequence)
     biases = read_ground_truth(options.biases)

@@ -28,6 +28,7 @@ from .inertial import KnownBiases, check_gaps, inertial_factors, preintegrate_be
 from .initialisation import Alignment, align_with_gravity
 from .keyframes import select_keyframes
 from .mapping import Map, pose_keyframes
+from .opencv import one_thread
 from .optical_flow import FlowCounts, track_by_flow
 from .outliers import Inliers, find_inliers
 from .report import FrontEndReport
@@ -76,8 +77,9 @@ def build_problem(
     check_gaps(sequence.imu, int(t_ns[0]), int(t_ns[-1]), settings.largest_imu_gap_s)
     known = KnownBiases(biases, settings.biases, int(t_ns[0]))
     factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
-    tracks, counts = _track(sequence, keyframes, known, settings, progress)
-    mapped = pose_keyframes(sequence.cameras, tracks, len(keyframes), settings.pose, settings.triangulation)
+    with one_thread():
+        tracks, counts = _track(sequence, keyframes, known, settings, progress)
+        mapped = pose_keyframes(sequence.cameras, tracks, len(keyframes), settings.pose, settings.triangulation)
     alignment = align_with_gravity(mapped.p_M, mapped.R_MB, factors, settings.gravity_mps2)
     start = _upright(mapped, alignment)
 

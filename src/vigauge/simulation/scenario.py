@@ -75,9 +75,9 @@ def make_scene(trajectory: str, points: str, settings: SimulationSettings) -> Sc
     stamps, keyframe_ns = _times(settings)
     t = keyframe_ns * 1e-9
     p_W, R_WB, v_W = motion.p_W(t), motion.R_WB(t), motion.v_W(t)
-    rng = np.random.default_rng(
-        [settings.seed, TRAJECTORIES.index(trajectory), LAYOUTS.index(points) if points in LAYOUTS else 9]
-    )
+    # Streams are told apart by their second number: 0 landmarks, 1 noise, 2 starts (make_trial).
+    layout = LAYOUTS.index(points) if points in LAYOUTS else 9
+    rng = np.random.default_rng([settings.seed, 0, TRAJECTORIES.index(trajectory), layout])
     candidates = draw_landmarks(points, motion, camera, settings, rng, 4 * settings.n_landmarks + 50)
     _, seen, _ = visible_points(p_W, R_WB, camera, candidates)
     chosen = _enough_views(seen, len(candidates), settings.minimum_views)[: settings.n_landmarks]
