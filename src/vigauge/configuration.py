@@ -35,7 +35,9 @@ def _rule(error: ValidationError) -> tuple[str, object]:
 def load_validator(schema: Path) -> Draft202012Validator:
     """Validator of a YAML schema, which may refer to the other schemas of its folder by file name."""
     contents = {file.name: yaml.safe_load(file.read_text("utf-8")) for file in schema.parent.glob("*.yaml")}
-    resources = [(name, Resource(contents=text, specification=DRAFT202012)) for name, text in contents.items()]
+    resources = [
+        (name, Resource(contents=text, specification=DRAFT202012)) for name, text in contents.items()
+    ]
     return Draft202012Validator(contents[schema.name], registry=Registry().with_resources(resources))
 
 

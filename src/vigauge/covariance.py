@@ -209,7 +209,7 @@ def covariance_from_hessian(H: Array, U: Array, V: Array | None = None) -> Array
     return project_covariance(G, U, U if V is None else V)
 
 
-def _transfer_blocks(state: State, moved: State, yaw: float, count: int) -> Array:
+def transfer_blocks(state: State, moved: State, yaw: float, count: int) -> Array:
     """(count, 3, 3) diagonal blocks of d(theta_C)/d(theta) (Appendix A)."""
     blocks = np.broadcast_to(so3.yaw_rotation(yaw), (count, 3, 3)).copy()
     blocks[state.n_keyframes] = so3.right_jacobian_inverse(moved.dphi_0) @ so3.right_jacobian(state.dphi_0)
@@ -251,7 +251,7 @@ def transform_covariance(
         raise DataError(
             "covariance", f"gauge '{gauge.name}' constrains landmarks, so their covariance is needed"
         )
-    blocks = _transfer_blocks(state, moved, yaw, n // 3)
+    blocks = transfer_blocks(state, moved, yaw, n // 3)
     carried = (blocks @ covariance.reshape(n // 3, 3, n)).reshape(n, n)
     carried = (blocks @ carried.T.reshape(n // 3, 3, n)).reshape(n, n)
     return project_covariance(carried, orbit_tangent(moved)[:n], V[:n]), moved

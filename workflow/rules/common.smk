@@ -55,6 +55,23 @@ SEQUENCES = list(SEQUENCE_KEYS)
 MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
 VICON_ROOM = sequence_name(config["paper"]["vicon_room"])
 
+PAPER_SEQUENCES = [MACHINE_HALL, VICON_ROOM]
+EXPERIMENTS = CONFIGURATIONS + PAPER_SEQUENCES
+# Left to right in the paper's Fig. 7.
+FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for trajectory in TRAJECTORIES]
+
+PUBLISHED_FOLDER = "data/published"
+SUMMARY_FILES = ["table2", "table3", "fig07_simulation_cost", "fig11_euroc_cost"]
+SHOW_PUBLISHED = config["figures"]["show_published"]
+PUBLISHED_FLAG = f"--published {PUBLISHED_FOLDER}" if SHOW_PUBLISHED else ""
+PUBLISHED_FILES = [f"{PUBLISHED_FOLDER}/README.md"] if SHOW_PUBLISHED else []
+# A stand-in is not set beside the paper's EuRoC results.
+FIGURE11_PUBLISHED = (
+    f"{PUBLISHED_FLAG} --published-file fig11_euroc_cost.csv --published-names MH VI"
+    if SHOW_PUBLISHED and EUROC_ROOT
+    else ""
+)
+
 
 wildcard_constraints:
     trajectory="|".join(TRAJECTORIES),
@@ -167,3 +184,24 @@ def scene_settings(wildcards):
 
 if EUROC_ROOT and not Path(EUROC_ROOT).is_dir():
     raise WorkflowError(f"EuRoC root {EUROC_ROOT!r} (EUROC_ROOT or euroc.root) must be an existing folder")
+
+
+def whole_configuration():
+    """The configuration as JSON."""
+    return json.dumps(config, sort_keys=True)
+
+
+def paper_targets():
+    """Everything in paper_figures/."""
+    tables = [f"{OUT}/table{number}.{ending}" for number in (1, 2, 3) for ending in ("csv", "md", "tex")]
+    figures = [f"{OUT}/{name}.{ending}" for name in FIGURES.values() for ending in ("pdf", "png")]
+    ledger = [f"{OUT}/{name}" for name in ("claims.csv", "claims.md", "summary.md", "environment.json")]
+    return tables + figures + ledger
+
+
+def folder_of_output(wildcards, output):
+    return os.path.dirname(output[0])
+
+
+def folder_of_published(wildcards, input):
+    return os.path.dirname(input.published[0])

@@ -8,14 +8,13 @@ the prior's with the fixed one.
 from __future__ import annotations
 
 import argparse
-import logging
 from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_problems, load_states, save_arrays
-from vigauge.cli.stage import json_argument, parser, run
+from vigauge.cli.stage import LOG, json_argument, parser, run
 from vigauge.covariance import covariance_of, spectrum, transform_covariance
 from vigauge.evaluation import relative_frobenius
 from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge
@@ -74,7 +73,7 @@ def work(options: argparse.Namespace) -> None:
     with threadpool_limits(limits=1):
         arrays = compare_gauges(problem, fix, prior, free, options.prior_weight)
     save_arrays(options.output, arrays)
-    logging.info(
+    LOG.info(
         "relative Frobenius distance to fixed: %.2e at the same point, %.2e converged, %.2e prior",
         arrays["relative_frobenius_same_point"],
         arrays["relative_frobenius_converged"],

@@ -6,14 +6,13 @@ Ground truth gives the known biases; the truth that is written serves evaluation
 from __future__ import annotations
 
 import argparse
-import logging
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vigauge.archive import save_problems, save_states
-from vigauge.cli.stage import json_argument, parser, run
+from vigauge.cli.stage import LOG, json_argument, parser, run
 from vigauge.errors import DataError
 from vigauge.euroc.ground_truth import GroundTruth, read_ground_truth
 from vigauge.euroc.sequence import read_sequence
@@ -41,7 +40,7 @@ def work(options: argparse.Namespace) -> None:
     save_problems(options.output, [problem])
     details = report.to_mapping()
     write_json(options.report, details | {"truth": options.truth.name, "biases": options.biases.name})
-    logging.info(
+    LOG.info(
         "%s: %d keyframes, %d landmarks, %d observations, median reprojection error %.2f px",
         sequence.name,
         len(t_ns),

@@ -6,7 +6,6 @@ The first entry of the trace is also the free gauge, to compare with weight zero
 from __future__ import annotations
 
 import argparse
-import logging
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from vigauge.archive import load_problems, load_states
-from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.experiment import Trial, first_solves, solution_row, solve_interleaved, timing_row, trace_rows
 from vigauge.files import write_rows
 from vigauge.gauge import FreeGauge, Gauge, PriorGauge
@@ -40,7 +39,7 @@ def work(options: argparse.Namespace) -> None:
     write_rows(options.sweep, [solution_row(s, truth, "weight") for s in first])
     write_rows(options.trace, [row for s in first for row in trace_rows(s, "weight")])
     write_rows(options.timing, [timing_row(s, "weight") for s in solves])
-    logging.info("%d weights, %d trials", len(options.weights), len(trials))
+    LOG.info("%d weights, %d trials", len(options.weights), len(trials))
 
 
 def main() -> None:

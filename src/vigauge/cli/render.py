@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import logging
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
-from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.simulation.asl_folder import write_asl_folder
 from vigauge.simulation.rendering import SCENES, RenderSettings, render_sequence
 
@@ -24,7 +23,7 @@ def work(options: argparse.Namespace) -> None:
         return tqdm(images, total=total, desc=f"{name}: rendering", unit="frame", disable=None)
 
     write_asl_folder(sequence, options.scene, options.output / name, bar)
-    logging.info("%s: %d stereo frames", name, len(sequence.frame_ns))
+    LOG.info("%s: %d stereo frames", name, len(sequence.frame_ns))
 
 
 def main() -> None:

@@ -6,14 +6,13 @@ Section IV-A and V-B of the paper.
 from __future__ import annotations
 
 import argparse
-import logging
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
 from vigauge.archive import save_problems, save_states
-from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.files import write_json, write_rows
 from vigauge.simulation.checks import chi_square_at_truth, describe
 from vigauge.simulation.scenario import make_scene, make_trials
@@ -32,7 +31,7 @@ def work(options: argparse.Namespace) -> None:
     write_rows(options.path, [dict(zip(("x_m", "y_m", "z_m"), map(float, p), strict=True)) for p in path_W])
     report = describe(scene) | {"seed": settings.seed, "chi_square": chi_square_at_truth(problems, scene)}
     write_json(options.report, report)
-    logging.info(
+    LOG.info(
         "%s %s: %d trials, %d landmarks, %d observations",
         options.trajectory,
         options.points,

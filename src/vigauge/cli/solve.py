@@ -6,7 +6,6 @@ BLAS runs on one thread: more are slower at these sizes, and times would not com
 from __future__ import annotations
 
 import argparse
-import logging
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from vigauge.archive import load_problems, load_states, save_states
-from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.errors import ConfigError
 from vigauge.experiment import (
     TimedSolve,
@@ -82,7 +81,7 @@ def work(options: argparse.Namespace) -> None:
     write_rows(options.timing, [timing_row(s) for s in timed])
     write_json(options.machine, {"machine": machine, "versions": versions()})
     failed = sum(not s.solution.converged for s in first)
-    logging.info("%d solves, %d without convergence", len(first), failed)
+    LOG.info("%d solves, %d without convergence", len(first), failed)
 
 
 def main() -> None:

@@ -14,6 +14,9 @@ from vigauge.errors import ConfigError, VigaugeError
 
 EXIT_BAD_INPUT = 2
 
+# The stages' own messages; libraries (fonts, images) are heard from warnings on.
+LOG = logging.getLogger("vigauge")
+
 T = TypeVar("T")
 
 
@@ -53,12 +56,13 @@ def run(work: Callable[[argparse.Namespace], None], arguments: argparse.Argument
     if options.log:
         options.log.parent.mkdir(parents=True, exist_ok=True)
         handlers.append(logging.FileHandler(options.log, mode="w"))
-    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=handlers, force=True)
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=handlers, force=True)
+    LOG.setLevel(logging.INFO)
     try:
         work(options)
     except VigaugeError as error:
-        logging.error("error: %s", error)
+        LOG.error("error: %s", error)
         sys.exit(EXIT_BAD_INPUT)
     except Exception:
-        logging.exception("stage failed")
+        LOG.exception("stage failed")
         sys.exit(1)

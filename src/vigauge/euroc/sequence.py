@@ -100,11 +100,13 @@ def _read_frames(mav: Path) -> StereoFrames:
     partner, distance = nearest_index(right.t_ns, left.t_ns)
     paired = np.flatnonzero(distance <= _STEREO_TOLERANCE_NS)
     if len(paired) == 0:
-        raise DataError(right.path, "must share stamps with cam0", field="timestamp", value=int(right.t_ns[0]))
+        raise DataError(
+            right.path, "must share stamps with cam0", field="timestamp", value=int(right.t_ns[0])
+        )
     return StereoFrames(
         t_ns=left.t_ns[paired],
-        left=tuple(_image_path(left, k) for k in paired),
-        right=tuple(_image_path(right, partner[k]) for k in paired),
+        left=tuple(_image_path(left, int(k)) for k in paired),
+        right=tuple(_image_path(right, int(k)) for k in partner[paired]),
         n_dropped=len(left.t_ns) - len(paired),
     )
 

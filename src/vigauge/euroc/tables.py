@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..so3 import Array
 
 _INTEGER = re.compile(r"[0-9]{1,19}")
 _DECIMAL = re.compile(r"[0-9]+\.[0-9]*([eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _LARGEST_NS = int(np.iinfo(np.int64).max)
 
 # Stamps that fall into the years 2000 to 2100 when read in another unit, and whose whole
@@ -51,12 +53,8 @@ class Table:
 
     def numbers(self) -> Array:
         """(M, columns - 1) finite numbers after the stamp; DataError names line and column."""
-        try:
-            values = np.array([[float(text) for text in row] for row in self.fields])
-            if np.all(np.isfinite(values)):
-                return values
-        except ValueError:
-            pass  # found and named below
+        if all(_is_finite(text) for row in self.fields for text in row):
+            return np.array(self.fields, dtype=float)
         for line, row in zip(self.lines, self.fields, strict=True):
             for k, text in enumerate(row):
                 if not _is_finite(text):
@@ -75,10 +73,8 @@ class Table:
 
 
 def _is_finite(text: str) -> bool:
-    try:
-        return bool(np.isfinite(float(text)))
-    except ValueError:
-        return False
+    """Whether the text is a plain decimal number; ``float`` alone would take ``1_0`` and ``nan``."""
+    return _NUMBER.fullmatch(text) is not None and isfinite(float(text))
 
 
 def read_table(path: Path, widths: Collection[int], *, drop_repeated: bool = False) -> Table:
@@ -120,9 +116,7 @@ def read_table(path: Path, widths: Collection[int], *, drop_repeated: bool = Fal
         stamps.append(stamp)
         fields.append(tuple(row[1:]))
     _require_nanoseconds(path, lines[0], stamps[0], stamps[-1])
-    return Table(
-        path, columns, np.array(lines), np.array(stamps, dtype=np.int64), tuple(fields), n_repeated
-    )
+    return Table(path, columns, np.array(lines), np.array(stamps, dtype=np.int64), tuple(fields), n_repeated)
 
 
 def _split(path: Path) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
@@ -156,7 +150,11 @@ def _stamp(path: Path, line: int, text: str) -> int:
     if _DECIMAL.fullmatch(text):
         hint = "; these look like seconds" if float(text) < 1e11 else "; a float has lost digits already"
     raise DataError(
-        path, f"timestamp must be an integer number of nanoseconds{hint}", row=line, field="timestamp", value=text
+        path,
+        f"timestamp must be an integer number of nanoseconds{hint}",
+        row=line,
+        field="timestamp",
+        value=text,
     )
 
 

@@ -79,7 +79,9 @@ def build_problem(
     factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
     with one_thread():
         tracks, counts = _track(sequence, keyframes, known, settings, progress)
-        mapped = pose_keyframes(sequence.cameras, tracks, len(keyframes), settings.pose, settings.triangulation)
+        mapped = pose_keyframes(
+            sequence.cameras, tracks, len(keyframes), settings.pose, settings.triangulation
+        )
     alignment = align_with_gravity(mapped.p_M, mapped.R_MB, factors, settings.gravity_mps2)
     start = _upright(mapped, alignment)
 
@@ -90,7 +92,9 @@ def build_problem(
     final = triangulate(sequence.cameras, start.p_W, start.R_WB, clean, settings.triangulation)
     problem = _problem(sequence.cameras, start, clean, final, factors, settings.gravity_mps2)
     window = keyframes[-1] - keyframes[0] + 1
-    report = _report(sequence, settings, int(window), tracks, counts, mapped, alignment, first, candidate, inliers, problem)
+    report = _report(
+        sequence, settings, int(window), tracks, counts, mapped, alignment, first, candidate, inliers, problem
+    )
     return problem, t_ns, report
 
 
@@ -156,7 +160,11 @@ def _problem(
 
 def _tracks_of(problem: Problem) -> Tracks:
     return Tracks(
-        problem.obs_keyframe, problem.obs_camera, problem.obs_landmark, problem.obs_uv, problem.initial.n_landmarks
+        problem.obs_keyframe,
+        problem.obs_camera,
+        problem.obs_landmark,
+        problem.obs_uv,
+        problem.initial.n_landmarks,
     )
 
 

@@ -83,7 +83,11 @@ def mutual_matches(squared: Array, ratio: float) -> Index:
     clear = np.isfinite(best)
     for axis in (0, 1):
         if squared.shape[axis] > 1:
-            second = np.partition(squared, 1, axis=axis)[1] if axis == 0 else np.partition(squared, 1, axis=1)[:, 1]
+            second = (
+                np.partition(squared, 1, axis=axis)[1]
+                if axis == 0
+                else np.partition(squared, 1, axis=1)[:, 1]
+            )
             clear &= best <= ratio**2 * (second[nearest] if axis == 0 else second)
     keep = np.flatnonzero(mutual & clear)
     return np.column_stack([keep, nearest[keep]]).astype(np.int64)
@@ -93,12 +97,18 @@ class DescriptorMatcher:
     """Features of stereo keyframes and their matches."""
 
     def __init__(
-        self, geometry: StereoGeometry, descriptors: DescriptorSettings, stereo: StereoSettings, pose: PoseSettings
+        self,
+        geometry: StereoGeometry,
+        descriptors: DescriptorSettings,
+        stereo: StereoSettings,
+        pose: PoseSettings,
     ) -> None:
         self.geometry, self.settings, self.stereo, self.pose = geometry, descriptors, stereo, pose
         self.counts = MatchCounts()
         self.detector = cv2.SIFT_create(
-            nfeatures=descriptors.features, contrastThreshold=descriptors.contrast, enable_precise_upscale=True
+            nfeatures=descriptors.features,
+            contrastThreshold=descriptors.contrast,
+            enable_precise_upscale=True,
         )
 
     def _detect(self, image: Image, camera: int) -> tuple[Array, NDArray[np.float32]]:

@@ -32,7 +32,9 @@ class KnownBiases:
 
     def __init__(self, truth: GroundTruth, mode: str, first_ns: int) -> None:
         if truth.gyro_bias is None or truth.accel_bias is None:
-            raise DataError(truth.source, "must have bias columns to take biases from (17 columns)", field="b_w")
+            raise DataError(
+                truth.source, "must have bias columns to take biases from (17 columns)", field="b_w"
+            )
         self.truth = truth
         self.gyro, self.accel = truth.gyro_bias, truth.accel_bias
         self.constant = int(truth.nearest([first_ns], _BIAS_REACH_NS)[0]) if mode == "constant" else None
@@ -55,7 +57,9 @@ def check_gaps(imu: ImuSamples, start_ns: int, end_ns: int, largest_gap_s: float
     gaps = np.diff(imu.t_ns[begin:end]) * 1e-9
     if np.any(gaps > largest_gap_s):
         k = int(np.argmax(gaps > largest_gap_s))
-        rule = f"gap between samples must not exceed {largest_gap_s:g} s (it follows {imu.t_ns[begin + k]} ns)"
+        rule = (
+            f"gap between samples must not exceed {largest_gap_s:g} s (it follows {imu.t_ns[begin + k]} ns)"
+        )
         raise DataError("imu", rule, row=begin + k, field="timestamp", value=float(gaps[k]))
 
 

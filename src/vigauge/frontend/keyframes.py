@@ -25,13 +25,17 @@ def select_keyframes(t_ns: NDArray[np.int64], settings: KeyframeSettings) -> NDA
     window = np.flatnonzero((time >= settings.window_start_s) & (time <= settings.window_end_s))
     needed = max(settings.count, 2)
     if len(window) < needed:
-        rule = f"the window {settings.window_start_s:g}..{settings.window_end_s:g} s must hold {needed} frames"
+        rule = (
+            f"the window {settings.window_start_s:g}..{settings.window_end_s:g} s must hold {needed} frames"
+        )
         raise DataError("frames", rule, value=len(window))
     if settings.count:
         return window[_even_subset(time[window], settings.count)]
     chosen = _spaced_subset(time[window], settings.spacing_s)
     if len(chosen) < 2:
-        raise DataError("frames", "the spacing must leave two keyframes", field="spacing_s", value=settings.spacing_s)
+        raise DataError(
+            "frames", "the spacing must leave two keyframes", field="spacing_s", value=settings.spacing_s
+        )
     return window[chosen]
 
 

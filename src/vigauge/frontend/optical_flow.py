@@ -33,10 +33,13 @@ class FlowCounts:
     stereo_tried: int = 0
     stereo_matched: int = 0
     lost: dict[str, int] = field(
-        default_factory=lambda: {"optical flow": 0, "image border": 0, "stereo search": 0, "stereo epipolar": 0}
+        default_factory=lambda: {
+            "optical flow": 0,
+            "image border": 0,
+            "stereo search": 0,
+            "stereo epipolar": 0,
+        }
     )
-
-
 
 
 def _flow(
@@ -156,7 +159,9 @@ class FlowTracker:
         )
         if corners is None:
             return
-        corners = cv2.cornerSubPix(self.image, corners, (3, 3), (-1, -1), _CRITERIA).reshape(-1, 2).astype(float)
+        corners = (
+            cv2.cornerSubPix(self.image, corners, (3, 3), (-1, -1), _CRITERIA).reshape(-1, 2).astype(float)
+        )
         corners = corners[_inside(corners, camera, flow.border_px)]
         self.points = np.concatenate([self.points, corners])
         self.track = np.concatenate([self.track, self.n_tracks + np.arange(len(corners))])
@@ -173,7 +178,9 @@ class FlowTracker:
         found = np.isfinite(disparity)
         guess_V = uv_V - np.column_stack([np.where(found, disparity, 0.0), np.zeros(len(uv_V))])
         guess = raw_pixels(geometry, guess_V, RIGHT)
-        there, good = _flow(self.image, right, self.points, np.where(found[:, None], guess, self.points), self.flow)
+        there, good = _flow(
+            self.image, right, self.points, np.where(found[:, None], guess, self.points), self.flow
+        )
         good &= found & _inside(there, geometry.right, self.flow.border_px)
         uv_right = np.zeros_like(there)
         uv_right[good] = undistort_pixels(geometry.right, there[good])
@@ -218,7 +225,9 @@ def track_by_flow(
     for step, frame in enumerate(frames):
         image = read(frame, LEFT)
         if before is not None and np.array_equal(before, image):
-            raise DataError("frames", "successive images must differ (frozen camera)", row=frame, field="cam0")
+            raise DataError(
+                "frames", "successive images must differ (frozen camera)", row=frame, field="cam0"
+            )
         before = image
         tracker.advance(tracker.equalised(image), dR_B[step - 1] if step else np.eye(3))
         if frame in number:

@@ -42,7 +42,9 @@ def reprojection_error(K: Array, R_CM: Array, p_CM: Array, points_M: Array, uv: 
     return np.where(ahead, np.linalg.norm(predicted - uv, axis=1), np.inf)
 
 
-def estimate_pose(points_M: Array, uv: Array, K: Array, reprojection_px: float, rounds: int) -> CameraPose | None:
+def estimate_pose(
+    points_M: Array, uv: Array, K: Array, reprojection_px: float, rounds: int
+) -> CameraPose | None:
     """Pose from points (m, 3) m and their ideal pixels (m, 2); None where too few points agree.
 
     RANSAC over minimal sets, then least squares over the inliers, which are chosen anew

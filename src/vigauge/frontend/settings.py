@@ -19,7 +19,9 @@ _SOURCE = "front-end settings"
 
 def _real(unit: str, about: str, low: float, high: float, default: Any = MISSING) -> Any:
     """A number with its unit, meaning and closed range."""
-    return field(default=default, metadata={"unit": unit, "about": about, "range": (low, high), "kind": float})
+    return field(
+        default=default, metadata={"unit": unit, "about": about, "range": (low, high), "kind": float}
+    )
 
 
 def _count(unit: str, about: str, low: int, high: int, default: Any = MISSING) -> Any:
@@ -39,10 +41,14 @@ def _group(kind: type) -> Any:
 class KeyframeSettings:
     """Which frames become keyframes: a time window, and either a count or a spacing."""
 
-    window_origin_ns: int = _count("ns", "stamp that the window counts from; 0: the first frame", 0, 2**63 - 1, 0)
+    window_origin_ns: int = _count(
+        "ns", "stamp that the window counts from; 0: the first frame", 0, 2**63 - 1, 0
+    )
     window_start_s: float = _real("s", "begin of the window, after its origin", 0.0, 1e6, 0.0)
     window_end_s: float = _real("s", "end of the window, after its origin", 0.0, 1e6, 1e6)
-    count: int = _count("keyframes", "number of keyframes, spread evenly in time; 0: use spacing_s", 0, 10_000, 30)
+    count: int = _count(
+        "keyframes", "number of keyframes, spread evenly in time; 0: use spacing_s", 0, 10_000, 30
+    )
     spacing_s: float = _real("s", "least time between keyframes; used where count is 0", 0.0, 60.0, 0.0)
 
 
@@ -148,7 +154,9 @@ class FrontEndSettings:
             rule = "must lie after window_start_s"
             raise ConfigError(source, rule, field="keyframes.window_end_s", value=window.window_end_s)
         if window.count == 0 and window.spacing_s == 0.0:
-            raise ConfigError(source, "must be positive where count is 0", field="keyframes.spacing_s", value=0.0)
+            raise ConfigError(
+                source, "must be positive where count is 0", field="keyframes.spacing_s", value=0.0
+            )
         if window.count == 1:
             raise ConfigError(source, "must be 0 or at least 2", field="keyframes.count", value=1)
         return settings
@@ -160,7 +168,9 @@ class FrontEndSettings:
 
 def _from_mapping(kind: type[T], mapping: object, source: str, prefix: str) -> T:
     if not isinstance(mapping, Mapping):
-        raise ConfigError(source, "must be a mapping of settings", field=prefix.rstrip(".") or None, value=mapping)
+        raise ConfigError(
+            source, "must be a mapping of settings", field=prefix.rstrip(".") or None, value=mapping
+        )
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for key in mapping:
         if key not in known:
@@ -181,13 +191,17 @@ def _checked(metadata: Mapping[str, Any], value: object, source: str, name: str)
         return _from_mapping(kind, value, source, name + ".")  # type: ignore[arg-type]
     if kind is str:
         if value not in metadata["options"]:
-            raise ConfigError(source, f"must be one of {', '.join(metadata['options'])}", field=name, value=value)
+            raise ConfigError(
+                source, f"must be one of {', '.join(metadata['options'])}", field=name, value=value
+            )
         return value
     low, high = metadata["range"]
     accepted = (int,) if kind is int else (int, float)
     if isinstance(value, bool) or not isinstance(value, accepted) or not low <= value <= high:
         noun = "a whole number" if kind is int else "a number"
-        raise ConfigError(source, f"must be {noun} from {low} to {high} ({metadata['unit']})", field=name, value=value)
+        raise ConfigError(
+            source, f"must be {noun} from {low} to {high} ({metadata['unit']})", field=name, value=value
+        )
     return kind(value)
 
 

@@ -106,7 +106,9 @@ def epipolar_distance(fundamental: Array, uv_first: Array, uv_second: Array) -> 
     line_second = first @ fundamental.T
     line_first = second @ fundamental
     product = np.abs(np.einsum("ij,ij->i", second, line_second))
-    shorter = np.minimum(np.hypot(line_second[:, 0], line_second[:, 1]), np.hypot(line_first[:, 0], line_first[:, 1]))
+    shorter = np.minimum(
+        np.hypot(line_second[:, 0], line_second[:, 1]), np.hypot(line_first[:, 0], line_first[:, 1])
+    )
     return product / np.maximum(shorter, 1e-300)
 
 
@@ -139,7 +141,11 @@ def search_disparity(
             continue
         known = np.isfinite(expected[i])
         margin = _DISPARITY_SHARE * expected[i] + _DISPARITY_MARGIN_PX
-        largest = min(expected[i] + margin, settings.largest_disparity_px) if known else settings.largest_disparity_px
+        largest = (
+            min(expected[i] + margin, settings.largest_disparity_px)
+            if known
+            else settings.largest_disparity_px
+        )
         smallest = max(expected[i] - margin, 0.0) if known else 0.0
         # Columns of the patch centre in the right image.
         first = max(int(np.floor(u - largest)), half)

@@ -35,7 +35,11 @@ class Tracks:
     def where(self, keep: NDArray[np.bool_]) -> Tracks:
         """The observations where ``keep`` (M,) holds; track numbers stay."""
         return replace(
-            self, keyframe=self.keyframe[keep], camera=self.camera[keep], track=self.track[keep], uv=self.uv[keep]
+            self,
+            keyframe=self.keyframe[keep],
+            camera=self.camera[keep],
+            track=self.track[keep],
+            uv=self.uv[keep],
         )
 
     def of_tracks(self, keep: NDArray[np.bool_]) -> Tracks:
@@ -105,7 +109,9 @@ def join_matches(image_of_feature: Index, matches: Index) -> tuple[Index, int, i
     n_components, component = connected_components(graph, directed=False)
     component = component.astype(np.int64)
     n_images = int(image_of_feature.max(initial=0)) + 1
-    seen, first, count = np.unique(component * n_images + image_of_feature, return_index=True, return_counts=True)
+    seen, first, count = np.unique(
+        component * n_images + image_of_feature, return_index=True, return_counts=True
+    )
     conflicting = np.zeros(n_components, dtype=bool)
     conflicting[component[first[count > 1]]] = True
     size = np.bincount(component, minlength=n_components)

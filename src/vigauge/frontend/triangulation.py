@@ -75,7 +75,9 @@ class _Views:
         R_WC = R_WB[tracks.keyframe] @ R_BC
         p_WC = p_W[tracks.keyframe] + np.einsum("mij,mj->mi", R_WB[tracks.keyframe], p_BC)
         calibration = np.array([[c.fx, c.fy, c.cx, c.cy] for c in cameras])[tracks.camera]
-        ray = np.column_stack([(tracks.uv - calibration[:, 2:]) / calibration[:, :2], np.ones(len(tracks.uv))])
+        ray = np.column_stack(
+            [(tracks.uv - calibration[:, 2:]) / calibration[:, :2], np.ones(len(tracks.uv))]
+        )
         ray /= np.linalg.norm(ray, axis=1)[:, None]
         R_CW = R_WC.swapaxes(1, 2)
         return cls(R_CW, -np.einsum("mij,mj->mi", R_CW, p_WC), ray, calibration)
@@ -128,7 +130,9 @@ def triangulate(
         _solve(views, tracks, used, todo, points)
         worst, error = _worst_view(views, tracks, used, points)
         # A drop must leave the views that a landmark needs.
-        bad = (error > settings.reprojection_px) & (np.bincount(tracks.track[used], minlength=tracks.n_tracks) > 2)
+        bad = (error > settings.reprojection_px) & (
+            np.bincount(tracks.track[used], minlength=tracks.n_tracks) > 2
+        )
         if not np.any(bad):
             break
         used[worst[bad]] = False

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera, distort, undistort
+from ..errors import ConfigError
 from ..imu import ImuNoise
 from ..so3 import Array
 from .flight import (
@@ -80,6 +81,27 @@ class RenderSettings:
     imu_noise_factor: float = 1.0
     image_noise_grey: float = 2.0
     vignetting: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Raises ConfigError for a value that no sequence can be made with."""
+        period_s = 1.0 / EUROC_CAMERA_RATE_HZ
+        for field, valid, rule in (
+            ("seed", self.seed >= 0, "must not be negative"),
+            ("duration_s", self.duration_s > 0.0, "must be positive"),
+            ("frame_spacing_min_s", self.frame_spacing_min_s >= period_s, f"must be at least {period_s:g}"),
+            (
+                "frame_spacing_max_s",
+                self.frame_spacing_max_s >= self.frame_spacing_min_s,
+                "must be at least frame_spacing_min_s",
+            ),
+            ("imu_margin_s", self.imu_margin_s > 0.0, "must be positive"),
+            ("gravity_mps2", self.gravity_mps2 > 0.0, "must be positive"),
+            ("imu_noise_factor", self.imu_noise_factor > 0.0, "must be positive"),
+            ("image_noise_grey", self.image_noise_grey >= 0.0, "must not be negative"),
+            ("vignetting", 0.0 <= self.vignetting < 1.0, "must be in [0, 1)"),
+        ):
+            if not valid:
+                raise ConfigError("rendered scene", rule, field=field, value=getattr(self, field))
 
 
 @dataclass(frozen=True)
@@ -207,7 +229,10 @@ class View:
         if np.any(corners_C[:, 2] < 0.1):
             return whole
         # Pinhole bounds of the box against the rays themselves: no distortion to invert.
-        low, high = ((corners_C[:, :2] / corners_C[:, 2:]).min(axis=0), (corners_C[:, :2] / corners_C[:, 2:]).max(axis=0))
+        low, high = (
+            (corners_C[:, :2] / corners_C[:, 2:]).min(axis=0),
+            (corners_C[:, :2] / corners_C[:, 2:]).max(axis=0),
+        )
         x = self._rays_C[0].reshape(camera.height, camera.width)
         y = self._rays_C[1].reshape(camera.height, camera.width)
         seen = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])

@@ -119,7 +119,9 @@ def _with_levels(base: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], Array]:
     return image, level_offset
 
 
-def _paint_face(width_m: float, height_m: float, texel_m: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+def _paint_face(
+    width_m: float, height_m: float, texel_m: float, rng: np.random.Generator
+) -> NDArray[np.uint8]:
     width, height = (max(round(size / texel_m), 2) for size in (width_m, height_m))
     canvas = np.full((height, width), rng.uniform(85.0, 150.0), np.float32)
     for size_m, amplitude in zip(_CLOUD_SIZES_M, _CLOUD_AMPLITUDES, strict=True):

@@ -1,0 +1,44 @@
+"""Compute and draw Figures 2 and 8 on one simulated problem: optimisation paths, and Eq. (12)."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from vigauge.archive import load_problems
+from vigauge.cli.artefacts import stem_of
+from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.figures.chart import Chart
+from vigauge.figures.orbit import draw_paths, draw_transformation
+from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge
+from vigauge.levenberg_marquardt import Options, solve
+
+
+def work(options: argparse.Namespace) -> None:
+    solver = settings_from(Options, options.solver, "solver")
+    problem = load_problems(options.problems)[options.trial]
+    gauges = {"fix": FixedGauge(), "prior": PriorGauge(options.prior_weight), "free": FreeGauge()}
+    with threadpool_limits(limits=1):
+        solutions = {name: solve(problem, gauge, solver, keep_states=True) for name, gauge in gauges.items()}
+        chart = Chart.around(problem, solutions["free"].state)
+        draw_paths(chart, solutions, options.paths, options.prior_weight)
+        draw_transformation(chart, options.transformation)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--problems", type=Path, required=True)
+    arguments.add_argument("--trial", type=int, required=True, help="which of the problems")
+    arguments.add_argument(
+        "--prior-weight", type=float, required=True, help="a weak one, so that the paths differ"
+    )
+    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    arguments.add_argument("--paths", type=stem_of, required=True, help="PNG of Figure 2")
+    arguments.add_argument("--transformation", type=stem_of, required=True, help="PNG of Figure 8")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""Write Table I, II or III as CSV, Markdown and LaTeX."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from vigauge.cli.artefacts import add_published, named_file, stem_of
+from vigauge.cli.stage import parser, run
+from vigauge.tables import STAND_IN, table1, table2, table3, wide_errors, write_table
+
+_BOLD = "Bold: the smaller of fixation and free."
+
+
+def work(options: argparse.Namespace) -> None:
+    solutions = dict(options.solutions)
+    if options.table == 1:
+        note = "Ranks are measured on the Jacobi-scaled Hessian of one simulated problem."
+        write_table(table1(options.covariance), options.output, note=note)
+        return
+    published = options.published / f"table{options.table}.csv" if options.published else None
+    beside = " In brackets: the paper." if published else ""
+    if options.table == 2:
+        rows = table2(solutions)
+        note = f"RMSE in m, deg, m/s; means over the trials. {_BOLD}{beside}"
+        write_table(rows, options.output, wide_errors(rows, published), note)
+        return
+    rows = table3(solutions, options.source)
+    euroc = options.source == "euroc"
+    names = dict(zip(solutions, ("MH", "VI"), strict=True)) if euroc else {}
+    what = "RMSE in m, deg, m/s" if euroc else f"RMSE in m, deg, m/s; {STAND_IN}"
+    note = f"{what}. {_BOLD}{beside if euroc else ''}"
+    write_table(rows, options.output, wide_errors(rows, published if euroc else None, names), note)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--table", type=int, choices=(1, 2, 3), required=True)
+    arguments.add_argument("--covariance", type=Path, help="Table I: archive of covariances and ranks")
+    arguments.add_argument(
+        "--solutions", type=named_file, nargs="+", default=[], help="Tables II, III: NAME=solutions.csv"
+    )
+    arguments.add_argument(
+        "--source", choices=("euroc", "rendered"), help="Table III: where the sequences are from"
+    )
+    arguments.add_argument(
+        "--output", type=stem_of, required=True, help="the CSV; Markdown and LaTeX go beside it"
+    )
+    add_published(arguments)
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

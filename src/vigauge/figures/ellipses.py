@@ -1,0 +1,105 @@
+"""Figure 1: where the uncertainty of the positions lies in the free and in the fixed gauge.
+
+Ellipses are those of the 2 x 2 covariance of (x, y), one standard deviation, all enlarged
+alike. (The paper's have variances as axis lengths and no correlation.)
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Ellipse
+
+from ..archive import load_arrays
+from ..files import write_rows
+from ..so3 import Array
+from .style import COLOURS, PAGE, new_figure, note_stand_in, save_figure
+
+# Share of the flight's extent that the largest ellipse may take.
+_LARGEST_SHARE = 0.18
+
+
+def xy_ellipses(covariance: Array, n_keyframes: int) -> list[dict[str, float]]:
+    """Semi-axes (m, one sigma) and direction (rad, of the major axis from x) for each keyframe."""
+    out = []
+    for keyframe in range(n_keyframes):
+        block = covariance[3 * keyframe : 3 * keyframe + 2, 3 * keyframe : 3 * keyframe + 2]
+        values, vectors = np.linalg.eigh(block)
+        minor, major = np.sqrt(np.maximum(values, 0.0))
+        angle = float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+        out.append({"semi_major_m": float(major), "semi_minor_m": float(minor), "angle_rad": angle})
+    return out
+
+
+def enlargement(extent_m: float, largest_m: float) -> float:
+    """The largest of 1, 2, 5, 10, ... that keeps the largest ellipse readable."""
+    wanted = _LARGEST_SHARE * extent_m / largest_m
+    steps = [m * 10.0**k for k in range(6) for m in (1, 2, 5)]
+    return max([step for step in steps if step <= wanted], default=1.0)
+
+
+def _draw(
+    axes: Axes,
+    p_W: Array,
+    ellipses: list[dict[str, float]],
+    scale: float,
+    colour: str,
+    label: str,
+    style: str,
+) -> None:
+    axes.plot(p_W[:, 0], p_W[:, 1], style, color=colour, label=label)
+    for centre, ellipse in zip(p_W, ellipses, strict=True):
+        axes.add_patch(
+            Ellipse(
+                (centre[0], centre[1]),
+                2 * scale * ellipse["semi_major_m"],
+                2 * scale * ellipse["semi_minor_m"],
+                angle=np.degrees(ellipse["angle_rad"]),
+                fill=False,
+                edgecolor=colour,
+                linewidth=0.7,
+                linestyle=style,
+            )
+        )
+
+
+def draw_ellipses(source: Path, stem: Path, rendered: bool) -> None:
+    """Draw both panels from an archive of covariances; ``stem``.csv has centres and ellipses."""
+    arrays = load_arrays(source)
+    n = int(arrays["n_keyframes"])
+    curves = {
+        name: (arrays[f"p_W_{name}"], xy_ellipses(arrays[name], n))
+        for name in ("free", "transformed", "fixed")
+    }
+    extent = float(np.ptp(curves["free"][0][:, :2], axis=0).max())
+    largest = max(e["semi_major_m"] for _, ellipses in curves.values() for e in ellipses)
+    scale = enlargement(extent, largest)
+    with new_figure(PAGE, 2.9, 1, 2, sharey=True) as (figure, axes):
+        _draw(axes[0], *curves["free"], scale, COLOURS["free"], "Free", "-")
+        _draw(axes[1], *curves["transformed"], scale, COLOURS["free"], "Transformed free", "-")
+        _draw(axes[1], *curves["fixed"], scale, COLOURS["fix"], "Fixed", "--")
+        for panel, title in zip(axes, ("(a) Free gauge", "(b) Gauge fixation"), strict=True):
+            panel.set_aspect("equal", adjustable="datalim")
+            panel.set_xlabel("x (m)")
+            panel.set_title(f"{title}; one sigma, enlarged {scale:g} times")
+            panel.legend()
+        axes[0].set_ylabel("y (m)")
+        note_stand_in(figure, rendered)
+        save_figure(figure, stem)
+    write_rows(
+        f"{stem}.csv",
+        [
+            {
+                "curve": name,
+                "keyframe": k,
+                "x_m": float(p[0]),
+                "y_m": float(p[1]),
+                **ellipse,
+                "enlargement": scale,
+            }
+            for name, (p_W, ellipses) in curves.items()
+            for k, (p, ellipse) in enumerate(zip(p_W, ellipses, strict=True))
+        ],
+    )

@@ -1,0 +1,75 @@
+"""Figures 9 and 10: the covariance in the free gauge, the same transformed by (12), and the fixed one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..archive import load_arrays, save_arrays
+from ..so3 import Array
+from .style import PAGE, new_figure, note_stand_in, save_figure
+
+# Offset under the logarithm: magnitudes below it are white (Section VI-B).
+EPSILON = 1e-7
+HELD = "#F0E442"
+_KEPT = (
+    "free",
+    "transformed",
+    "fixed",
+    "relative_frobenius_same_point",
+    "relative_frobenius_converged",
+    "n_keyframes",
+    "n_landmarks",
+)
+
+
+def logarithm(covariance: Array) -> Array:
+    """log10(|sigma| + epsilon) of every entry (Section VI-B)."""
+    return np.log10(np.abs(covariance) + EPSILON)
+
+
+def held_entries(covariance: Array) -> Array:
+    """(n,) whether a parameter is held: its variance is zero next to the others, up to rounding."""
+    variance = np.diagonal(covariance)
+    return variance <= 1e-9 * np.median(variance)
+
+
+def _show(figure: Figure, axes: Axes, covariance: Array, held: Array, title: str) -> None:
+    n = len(covariance) // 3
+    values = np.ma.masked_array(logarithm(covariance), held[:, None] | held[None, :])
+    grey = mpl.colormaps["gray_r"].with_extremes(bad=HELD)
+    image = axes.imshow(values, cmap=grey, interpolation="nearest", vmin=np.log10(EPSILON))
+    # One bar a panel: the free covariance has another range.
+    bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.03)
+    bar.ax.tick_params(labelsize=6)
+    places = [(k + 0.5) * n - 0.5 for k in range(3)]
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_ticks(places, [r"$\mathbf{p}$", r"$\phi$", r"$\mathbf{v}$"])
+    axes.tick_params(length=0)
+    axes.set_title(title)
+
+
+def draw_covariances(source: Path, stem: Path, rendered: bool) -> None:
+    """Draw one comparison from an archive of covariances, and keep what is shown as ``stem``.npz."""
+    arrays = load_arrays(source)
+    save_arrays(f"{stem}.npz", {name: arrays[name] for name in _KEPT})
+    held = held_entries(arrays["fixed"])
+    none = np.zeros(len(held), dtype=bool)
+    with new_figure(PAGE, 2.45, 1, 3) as (figure, axes):
+        _show(figure, axes[0], arrays["free"], none, "(a) Free gauge")
+        _show(figure, axes[1], arrays["transformed"], held, "(b) Transformed free gauge")
+        _show(figure, axes[2], arrays["fixed"], held, "(c) Gauge fixation")
+        same, converged = (
+            float(arrays[f"relative_frobenius_{kind}"]) for kind in ("same_point", "converged")
+        )
+        axes[1].set_xlabel(
+            rf"$\|\Sigma_b-\Sigma_c\|_F/\|\Sigma_c\|_F$: {100 * converged:.2g} % between estimates, "
+            f"{same:.0e} at one point",
+            fontsize=6.5,
+        )
+        note_stand_in(figure, rendered)
+        save_figure(figure, stem)

@@ -1,0 +1,358 @@
+"""Tables and figures of the paper, the ledger of its claims, and what they were made with."""
+
+OUT = "paper_figures"
+FIGURES = {
+    "fig01": "fig01_euroc_ellipses",
+    "fig02": "fig02_optimisation_paths",
+    "fig03": "fig03_scenes",
+    "fig04": "fig04_prior_weight_rmse",
+    "fig05": "fig05_prior_weight_cost",
+    "fig06": "fig06_prior_error_paths",
+    "fig07": "fig07_simulation_cost",
+    "fig08": "fig08_covariance_transformation",
+    "fig09": "fig09_covariance_simulation",
+    "fig10": "fig10_covariance_euroc",
+    "fig11": "fig11_euroc_cost",
+}
+
+
+rule environment:
+    input:
+        code=code_of("environment"),
+    output:
+        report(f"{OUT}/environment.json", caption="../report/environment.rst", category="Environment"),
+    log:
+        "logs/paper/environment.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        config=whole_configuration(),
+        checkout=str(ROOT),
+        sequences=[f"--sequence {name}={SOURCE_OF_SEQUENCES}" for name in SEQUENCES],
+    message:
+        "Recording versions, machine and configuration"
+    shell:
+        "python -m vigauge.cli.environment --config {params.config:q} --checkout {params.checkout:q}"
+        " {params.sequences} --output {output:q} --log {log:q}"
+
+
+rule table1:
+    input:
+        covariance=f"data/covariance/{config['prior']['sweep_configuration']}.npz",
+        code=code_of("tables"),
+    output:
+        csv=report(f"{OUT}/table1.csv", caption="../report/table1.rst", category="Tables"),
+        md=f"{OUT}/table1.md",
+        tex=f"{OUT}/table1.tex",
+    log:
+        "logs/paper/table1.log",
+    conda:
+        "../envs/vigauge.yaml"
+    message:
+        "Table I"
+    shell:
+        "python -m vigauge.cli.tables --table 1 --covariance {input.covariance:q} --output {output.csv:q}"
+        " --log {log:q}"
+
+
+rule table2:
+    input:
+        solutions=expand("data/solutions/{name}/solutions.csv", name=CONFIGURATIONS),
+        published=PUBLISHED_FILES,
+        code=code_of("tables"),
+    output:
+        csv=report(f"{OUT}/table2.csv", caption="../report/table2.rst", category="Tables"),
+        md=f"{OUT}/table2.md",
+        tex=f"{OUT}/table2.tex",
+    log:
+        "logs/paper/table2.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        named=expand("{name}=data/solutions/{name}/solutions.csv", name=CONFIGURATIONS),
+        published=PUBLISHED_FLAG,
+    message:
+        "Table II"
+    shell:
+        "python -m vigauge.cli.tables --table 2 --solutions {params.named:q} {params.published}"
+        " --output {output.csv:q} --log {log:q}"
+
+
+rule table3:
+    input:
+        solutions=expand("data/solutions/{name}/solutions.csv", name=PAPER_SEQUENCES),
+        published=PUBLISHED_FILES,
+        code=code_of("tables"),
+    output:
+        csv=report(f"{OUT}/table3.csv", caption="../report/table3.rst", category="Tables"),
+        md=f"{OUT}/table3.md",
+        tex=f"{OUT}/table3.tex",
+    log:
+        "logs/paper/table3.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        named=expand("{name}=data/solutions/{name}/solutions.csv", name=PAPER_SEQUENCES),
+        published=PUBLISHED_FLAG,
+        source=SOURCE_OF_SEQUENCES,
+    message:
+        "Table III"
+    shell:
+        "python -m vigauge.cli.tables --table 3 --solutions {params.named:q} {params.published}"
+        " --source {params.source} --output {output.csv:q} --log {log:q}"
+
+
+rule figure_ellipses:
+    input:
+        covariance=f"data/covariance/{MACHINE_HALL}.npz",
+        code=code_of("figure_covariance"),
+    output:
+        png=report(f"{OUT}/{FIGURES['fig01']}.png", caption="../report/fig01.rst", category="Figures"),
+        beside=multiext(f"{OUT}/{FIGURES['fig01']}", ".pdf", ".csv"),
+    log:
+        "logs/paper/fig01.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        source=SOURCE_OF_SEQUENCES,
+    message:
+        "Figure 1"
+    shell:
+        "python -m vigauge.cli.figure_covariance --kind ellipses --covariance {input.covariance:q}"
+        " --source {params.source} --output {output.png:q} --log {log:q}"
+
+
+rule figure_orbit:
+    input:
+        problems=f"data/simulation/{config['prior']['sweep_configuration']}/problems.npz",
+        code=code_of("figure_orbit"),
+    output:
+        paths=report(f"{OUT}/{FIGURES['fig02']}.png", caption="../report/fig02.rst", category="Figures"),
+        transformation=report(
+            f"{OUT}/{FIGURES['fig08']}.png", caption="../report/fig08.rst", category="Figures"
+        ),
+        beside_paths=multiext(f"{OUT}/{FIGURES['fig02']}", ".pdf", ".csv"),
+        beside_transformation=multiext(f"{OUT}/{FIGURES['fig08']}", ".pdf", ".csv"),
+    log:
+        "logs/paper/fig02.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        solver=section("solver"),
+        trial=config["figures"]["orbit_trial"],
+        weight=config["figures"]["orbit_prior_weight"],
+    message:
+        "Figures 2 and 8"
+    shell:
+        "python -m vigauge.cli.figure_orbit --problems {input.problems:q} --trial {params.trial}"
+        " --prior-weight {params.weight} --solver {params.solver:q} --paths {output.paths:q}"
+        " --transformation {output.transformation:q} --log {log:q}"
+
+
+rule figure_scenes:
+    input:
+        truths=expand("data/simulation/{name}/truth.npz", name=config["figures"]["scenes"]),
+        paths=expand("data/simulation/{name}/path.csv", name=config["figures"]["scenes"]),
+        code=code_of("figure_scenes"),
+    output:
+        png=report(f"{OUT}/{FIGURES['fig03']}.png", caption="../report/fig03.rst", category="Figures"),
+        beside=multiext(f"{OUT}/{FIGURES['fig03']}", ".pdf", ".csv"),
+    log:
+        "logs/paper/fig03.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        names=config["figures"]["scenes"],
+    message:
+        "Figure 3"
+    shell:
+        "python -m vigauge.cli.figure_scenes --names {params.names} --truths {input.truths:q}"
+        " --paths {input.paths:q} --output {output.png:q} --log {log:q}"
+
+
+rule figure_prior:
+    input:
+        sweep="data/prior_sweep/sweep.csv",
+        timing="data/prior_sweep/timing.csv",
+        trace="data/prior_sweep/trace.csv",
+        published=PUBLISHED_FILES,
+        code=code_of("figure_prior"),
+    output:
+        accuracy=report(f"{OUT}/{FIGURES['fig04']}.png", caption="../report/fig04.rst", category="Figures"),
+        cost=report(f"{OUT}/{FIGURES['fig05']}.png", caption="../report/fig05.rst", category="Figures"),
+        paths=report(f"{OUT}/{FIGURES['fig06']}.png", caption="../report/fig06.rst", category="Figures"),
+        beside_accuracy=multiext(f"{OUT}/{FIGURES['fig04']}", ".pdf", ".csv"),
+        beside_cost=multiext(f"{OUT}/{FIGURES['fig05']}", ".pdf", ".csv"),
+        beside_paths=multiext(f"{OUT}/{FIGURES['fig06']}", ".pdf", ".csv"),
+    log:
+        "logs/paper/fig04.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        weights=config["figures"]["path_weights"],
+        published=PUBLISHED_FLAG,
+    message:
+        "Figures 4, 5 and 6"
+    shell:
+        "python -m vigauge.cli.figure_prior --sweep {input.sweep:q} --timing {input.timing:q}"
+        " --trace {input.trace:q} --path-weights {params.weights} {params.published}"
+        " --accuracy {output.accuracy:q} --cost {output.cost:q} --paths {output.paths:q} --log {log:q}"
+
+
+rule figure_simulation_cost:
+    input:
+        expand("data/solutions/{name}/{file}.csv", name=FIGURE7_ORDER, file=["solutions", "timing"]),
+        published=PUBLISHED_FILES,
+        code=code_of("figure_cost"),
+    output:
+        png=report(f"{OUT}/{FIGURES['fig07']}.png", caption="../report/fig07.rst", category="Figures"),
+        beside=multiext(f"{OUT}/{FIGURES['fig07']}", ".pdf", ".csv"),
+    log:
+        "logs/paper/fig07.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=FIGURE7_ORDER),
+        timings=expand("{name}=data/solutions/{name}/timing.csv", name=FIGURE7_ORDER),
+        names=FIGURE7_ORDER,
+        published=PUBLISHED_FLAG,
+    message:
+        "Figure 7"
+    shell:
+        "python -m vigauge.cli.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
+        " --source simulation {params.published} --published-file fig07_simulation_cost.csv"
+        " --published-names {params.names} --output {output.png:q} --log {log:q}"
+
+
+rule figure_covariance_simulation:
+    input:
+        covariance=f"data/covariance/{config['prior']['sweep_configuration']}.npz",
+        code=code_of("figure_covariance"),
+    output:
+        png=report(f"{OUT}/{FIGURES['fig09']}.png", caption="../report/fig09.rst", category="Figures"),
+        beside=multiext(f"{OUT}/{FIGURES['fig09']}", ".pdf", ".npz"),
+    log:
+        "logs/paper/fig09.log",
+    conda:
+        "../envs/vigauge.yaml"
+    message:
+        "Figure 9"
+    shell:
+        "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
+        " --source simulation --output {output.png:q} --log {log:q}"
+
+
+rule figure_covariance_sequence:
+    input:
+        covariance=f"data/covariance/{VICON_ROOM}.npz",
+        code=code_of("figure_covariance"),
+    output:
+        png=report(f"{OUT}/{FIGURES['fig10']}.png", caption="../report/fig10.rst", category="Figures"),
+        beside=multiext(f"{OUT}/{FIGURES['fig10']}", ".pdf", ".npz"),
+    log:
+        "logs/paper/fig10.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        source=SOURCE_OF_SEQUENCES,
+    message:
+        "Figure 10"
+    shell:
+        "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
+        " --source {params.source} --output {output.png:q} --log {log:q}"
+
+
+rule figure_sequence_cost:
+    input:
+        expand("data/solutions/{name}/{file}.csv", name=PAPER_SEQUENCES, file=["solutions", "timing"]),
+        published=PUBLISHED_FILES,
+        code=code_of("figure_cost"),
+    output:
+        png=report(f"{OUT}/{FIGURES['fig11']}.png", caption="../report/fig11.rst", category="Figures"),
+        beside=multiext(f"{OUT}/{FIGURES['fig11']}", ".pdf", ".csv"),
+    log:
+        "logs/paper/fig11.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=PAPER_SEQUENCES),
+        timings=expand("{name}=data/solutions/{name}/timing.csv", name=PAPER_SEQUENCES),
+        source=SOURCE_OF_SEQUENCES,
+        published=FIGURE11_PUBLISHED,
+    message:
+        "Figure 11"
+    shell:
+        "python -m vigauge.cli.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
+        " --source {params.source} {params.published} --output {output.png:q} --log {log:q}"
+
+
+rule claims:
+    input:
+        expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
+        expand("data/covariance/{name}.npz", name=EXPERIMENTS),
+        sweep="data/prior_sweep/sweep.csv",
+        code=code_of("claims"),
+    output:
+        csv=report(f"{OUT}/claims.csv", caption="../report/claims.rst", category="Claims"),
+        md=f"{OUT}/claims.md",
+    log:
+        "logs/paper/claims.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
+        timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
+        covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
+        sequences=PAPER_SEQUENCES,
+        source=SOURCE_OF_SEQUENCES,
+        criteria=section("claims"),
+    message:
+        "Judging the paper's claims"
+    shell:
+        "python -m vigauge.cli.claims --solutions {params.solutions:q} --timings {params.timings:q}"
+        " --covariances {params.covariances:q} --sweep {input.sweep:q} --sequences {params.sequences:q}"
+        " --source {params.source} --criteria {params.criteria:q} --output {output.csv:q} --log {log:q}"
+
+
+rule summary:
+    input:
+        f"{OUT}/table2.csv",
+        f"{OUT}/table3.csv",
+        f"{OUT}/{FIGURES['fig07']}.csv",
+        f"{OUT}/{FIGURES['fig11']}.csv",
+        f"{OUT}/claims.csv",
+        published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=SUMMARY_FILES),
+        code=code_of("summary"),
+    output:
+        f"{OUT}/summary.md",
+    log:
+        "logs/paper/summary.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        artefacts=folder_of_output,
+        published=folder_of_published,
+        source=SOURCE_OF_SEQUENCES,
+    message:
+        "Paper and reproduction side by side"
+    shell:
+        "python -m vigauge.cli.summary --artefacts {params.artefacts:q} --published {params.published:q}"
+        " --source {params.source} --output {output:q} --log {log:q}"
+
+
+rule readme:
+    input:
+        summary=f"{OUT}/summary.md",
+        code=code_of("readme"),
+    output:
+        touch("data/readme.done"),
+    log:
+        "logs/paper/readme.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        readme=str(ROOT / "README.md"),
+    message:
+        "Putting the summary into README.md"
+    shell:
+        "python -m vigauge.cli.readme --summary {input.summary:q} --readme {params.readme:q} --log {log:q}"
