@@ -267,6 +267,13 @@ def test_prior_covariance_is_the_inverse_of_the_augmented_hessian(weight):
     assert relative_frobenius(ours, inverse[:n, :n]) < 1e-6
 
 
+def test_a_prior_without_weight_has_no_covariance():
+    """Catches a bare linear algebra error, or infinities, where the prior leaves the gauge free."""
+    problem, state, _ = at_minimum()
+    with pytest.raises(DegenerateError):
+        motion_covariance(problem, state, PriorGauge(0.0))
+
+
 def test_prior_covariance_differs_by_the_weight():
     """Catches a prior that is not (11): its covariance is the fixed one plus T T^T / w, with T the
     orbit's tangent in units of the gauge (I3)."""

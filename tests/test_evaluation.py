@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from support.derivatives import central_differences
 from support.random_problem import random_state
 from vigauge import so3
 from vigauge.errors import VigaugeError
-from vigauge.evaluation import align_first_pose, relative_frobenius, trajectory_errors
+from vigauge.evaluation import align_all_poses, align_first_pose, relative_frobenius, trajectory_errors
 
 TRUTH = random_state(np.random.default_rng(21), 6, 3)
 yaw = st.floats(-3.1, 3.1)
@@ -56,6 +57,32 @@ def test_alignment_may_turn_by_pi():
     """Catches a yaw that folds at half a turn."""
     aligned = align_first_pose(TRUTH.transformed(np.pi, np.zeros(3)), TRUTH)
     assert np.allclose(aligned.p_W, TRUTH.p_W, rtol=0, atol=1e-13)
+
+
+def test_alignment_of_all_poses_is_the_best_one():
+    """Catches a yaw of the wrong sign, or a shift by the first pose: no other 4-DoF transformation
+    brings the positions closer."""
+    estimate = disturbed(np.random.default_rng(2)).transformed(2.5, np.array([4.0, -1.0, 2.0]))
+    aligned = align_all_poses(estimate, TRUTH)
+    best = np.sum((aligned.p_W - TRUTH.p_W) ** 2)
+    assert best < 0.1
+
+    def distance(change):
+        return np.sum((aligned.transformed(change[0], change[1:]).p_W - TRUTH.p_W) ** 2, keepdims=True)
+
+    assert np.abs(central_differences(distance, 4)).max() < 1e-9
+    for change in np.random.default_rng(3).normal(0.0, 1.0, (20, 4)):
+        assert distance(change) > best
+    by_all = trajectory_errors(estimate, TRUTH, align_all_poses)
+    assert by_all.p_rmse_m == pytest.approx(np.sqrt(best / TRUTH.n_keyframes), rel=1e-12)
+    assert by_all.p_rmse_m < trajectory_errors(estimate, TRUTH).p_rmse_m
+
+
+@given(yaw, shift)
+def test_alignment_of_all_poses_does_not_see_the_gauge(alpha, t_W):
+    """Catches an alignment that leaves part of the gauge in the error."""
+    errors = trajectory_errors(TRUTH.transformed(alpha, t_W), TRUTH, align_all_poses)
+    assert max(errors.p_rmse_m, errors.phi_rmse_rad, errors.v_rmse_mps) < 1e-13
 
 
 def test_errors_of_a_known_disturbance():

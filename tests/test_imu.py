@@ -99,6 +99,22 @@ def test_covariance_is_that_of_the_noise(start_ns, end_ns):
     assert np.abs(correlation).max() < 4.5 / np.sqrt(trials)
 
 
+def test_turning_axes_are_integrated_to_fourth_order():
+    """Catches the wrong sign of the commutator, which takes a turning axis of rotation into account:
+    coarse samples of a rate that changes linearly, against very fine ones."""
+
+    def turn(step_ns: int) -> np.ndarray:
+        t_ns = np.arange(0, 1_600_000_001, step_ns)
+        t = t_ns[:, None] * 1e-9
+        gyro = np.array([2.0, 0.0, 0.5]) + t * np.array([-1.0, 2.0, 0.3])
+        return preintegrate(ImuSamples(t_ns, gyro, 0.0 * gyro), 0, 1_600_000_000, NOISE).dR
+
+    exact = turn(1_000_000)
+    coarse, half = (np.linalg.norm(so3.log(exact.T @ turn(step))) for step in (100_000_000, 50_000_000))
+    assert coarse < 1e-5
+    assert half < coarse / 12.0
+
+
 def test_covariance_is_propagated_to_first_order():
     """Catches an approximate weight, which shows where keyframes are only few samples apart: the
     covariance is that of the numerical derivative of the increments by every single sample."""

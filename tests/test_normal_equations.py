@@ -18,12 +18,18 @@ NO_COLUMNS = np.empty(0, dtype=np.int64)
 
 
 def problems():
-    """Two cameras and a jumping factor; a simulated problem away from and at its minimum."""
-    mixed = random_problem(3)
-    return [(mixed, mixed.initial), (trial(), trial().initial), (trial(), estimate())]
+    """Two cameras and a jumping factor; a long flight with short tracks; a simulated problem away
+    from and at its minimum."""
+    mixed, flight = random_problem(3), random_problem(4, n_keyframes=15, n_landmarks=40, window=4)
+    return [
+        (mixed, mixed.initial),
+        (flight, flight.initial),
+        (trial(), trial().initial),
+        (trial(), estimate()),
+    ]
 
 
-@pytest.mark.parametrize("case", range(3))
+@pytest.mark.parametrize("case", range(4))
 def test_blocks_are_those_of_the_dense_product(case):
     """Catches an observation summed into another block, or added twice: H = J^T J and g = J^T r."""
     problem, state = problems()[case]
@@ -42,6 +48,18 @@ def test_two_cameras_of_one_keyframe_share_a_block():
     structure = linearise(problem, problem.initial).structure
     pairs = set(zip(problem.obs_landmark.tolist(), problem.obs_keyframe.tolist(), strict=True))
     assert len(structure.pair_start) == len(pairs) < len(problem.obs_uv)
+
+
+def test_groups_take_every_pair_once():
+    """Catches landmarks between two groups: short tracks over many keyframes need several."""
+    problem = problems()[1][0]
+    structure = linearise(problem, problem.initial).structure
+    assert len(structure.groups) > 1
+    pairs = np.concatenate([group.pairs for group in structure.groups])
+    assert np.array_equal(np.sort(pairs), np.arange(len(structure.pair_start)))
+    for group in structure.groups:
+        assert np.array_equal(group.keyframes[group.row], structure.pair_keyframe[group.pairs])
+        assert np.array_equal(group.landmarks[group.column], structure.pair_landmark[group.pairs])
 
 
 def test_keyframes_without_observations():
@@ -69,7 +87,7 @@ def dense_step(equations: NormalEquations, damping: np.ndarray, held: np.ndarray
 
 
 @pytest.mark.parametrize("held", [NO_COLUMNS, np.array([0, 1, 2, 32]), np.array([5, 11, 40])])
-@pytest.mark.parametrize("case", range(2))
+@pytest.mark.parametrize("case", range(3))
 def test_schur_step_is_the_dense_step(case, held):
     """Catches an elimination, a back-substitution or a held column that is not exact."""
     problem, state = problems()[case]
@@ -84,9 +102,11 @@ def test_schur_step_is_the_dense_step(case, held):
     assert np.count_nonzero(step) == len(step) - len(held)
 
 
-def test_schur_complement_is_the_dense_one():
-    """Catches damping added to one part only: S = A - W C^-1 W^T, with and without damping."""
-    problem, state = problems()[0]
+@pytest.mark.parametrize("case", range(3))
+def test_schur_complement_is_the_dense_one(case):
+    """Catches damping added to one part only, and landmarks lost between groups that are eliminated
+    together: S = A - W C^-1 W^T, with and without damping."""
+    problem, state = problems()[case]
     equations = linearise(problem, state)
     n = 9 * state.n_keyframes
     for damping in (None, 0.1 * equations.diagonal()):

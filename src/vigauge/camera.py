@@ -50,7 +50,9 @@ class Camera:
         return T
 
 
-def project(points_C: Array, fx: Array, fy: Array, cx: Array, cy: Array) -> tuple[Array, Array]:
+def project(
+    points_C: Array, fx: Array | float, fy: Array | float, cx: Array | float, cy: Array | float
+) -> tuple[Array, Array]:
     """Pinhole projection of (M, 3) points, metres in the camera frame.
 
     The intrinsics are scalars or (M,). Returns pixels (M, 2) and the Jacobian

@@ -367,7 +367,7 @@ _VERDICTS = {True: "holds", False: "differs", None: "not tested"}
 
 def ledger(evidence: Evidence) -> list[Row]:
     """All claims judged: id, section, claim, published, measured, criterion, verdict."""
-    rows = []
+    rows: list[Row] = []
     for claim in CLAIMS:
         measured, holds = claim.judge(evidence)
         rows.append(

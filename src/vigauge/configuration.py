@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 from jsonschema import Draft202012Validator, ValidationError
 from jsonschema.exceptions import best_match
-from referencing import Registry, Resource
+from referencing import Registry
 from referencing.jsonschema import DRAFT202012
 
 from .errors import ConfigError
@@ -35,9 +35,7 @@ def _rule(error: ValidationError) -> tuple[str, object]:
 def load_validator(schema: Path) -> Draft202012Validator:
     """Validator of a YAML schema, which may refer to the other schemas of its folder by file name."""
     contents = {file.name: yaml.safe_load(file.read_text("utf-8")) for file in schema.parent.glob("*.yaml")}
-    resources = [
-        (name, Resource(contents=text, specification=DRAFT202012)) for name, text in contents.items()
-    ]
+    resources = [(name, DRAFT202012.create_resource(text)) for name, text in contents.items()]
     return Draft202012Validator(contents[schema.name], registry=Registry().with_resources(resources))
 
 

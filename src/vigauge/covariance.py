@@ -136,7 +136,10 @@ def _with_prior(reduced: ReducedSystem, state: State, prior: GaugePrior) -> Arra
     V = np.zeros((state.n_parameters, len(prior.residual)))
     V[prior.columns] = prior.jacobian.T
     U = orbit_tangent(state)
-    along = np.linalg.solve((V.T @ U).T, U[: len(reduced.matrix)].T)
+    try:
+        along = np.linalg.solve((V.T @ U).T, U[: len(reduced.matrix)].T)
+    except np.linalg.LinAlgError as error:
+        raise DegenerateError("the prior leaves part of the gauge free") from error
     return _projected(reduced, state, V) + along.T @ along
 
 

@@ -176,6 +176,11 @@ class CentroidGauge(FreeGauge):
         return V
 
 
+def three_gauges(prior_weight: float) -> dict[str, Gauge]:
+    """The paper's three approaches by the names that results carry."""
+    return {"fix": FixedGauge(), "prior": PriorGauge(prior_weight), "free": FreeGauge()}
+
+
 def yaw_to_first_pose(state: State) -> float:
     """Angle alpha (rad) of Eq. (13): the turn after which dphi_0 has no z part.
 

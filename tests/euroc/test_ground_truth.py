@@ -27,8 +27,8 @@ def test_seventeen_columns_are_all_read(truth_folder):
     assert truth.v_W is not None and truth.v_W[7].tolist() == [0.1, 0.2, 0.3]
     assert truth.gyro_bias is not None and truth.gyro_bias[7].tolist() == [0.01, 0.02, 0.03]
     assert truth.accel_bias is not None and truth.accel_bias[7].tolist() == [-0.1, -0.2, -0.3]
-    # q = (w, x, y, z) = (1, 1, -1, 1) / 2 turns by 120 degrees about (1, -1, 1): x to -y, y to -z, z to x.
-    assert np.allclose(truth.R_WB[7].T, [[0, -1, 0], [0, 0, -1], [1, 0, 0]], rtol=0, atol=1e-15)
+    # q = (w, x, y, z) = (1, 1, -1, 1) / 2 turns by 120 degrees about (1, -1, 1): x to z, y to -x, z to -y.
+    assert np.allclose(truth.R_WB[7].T, [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], rtol=0, atol=1e-15)
 
 
 def test_eight_columns_have_poses_only(truth_folder):

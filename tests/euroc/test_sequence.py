@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 
@@ -95,7 +94,7 @@ def test_image_in_a_folder_below_and_behind_a_link_is_read(sequence_folder):
     """Catches the guard above refusing what is meant: sub-folders, and links that the user made."""
     data = sequence_folder / "mav0" / "cam0" / "data"
     (data / "part").mkdir()
-    os.symlink(data / f"{FRAME_NS[1]}.png", data / "part" / "one.png")
+    (data / "part" / "one.png").symlink_to(data / f"{FRAME_NS[1]}.png")
     change(data.parent / "data.csv", f"{FRAME_NS[1]}.png", "part/one.png")
     assert read_sequence(sequence_folder).frames.left[1] == data / "part" / "one.png"
 

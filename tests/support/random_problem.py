@@ -60,11 +60,24 @@ def random_factors(rng: np.random.Generator, n_keyframes: int) -> InertialFactor
     )
 
 
-def random_problem(seed: int, n_keyframes: int = 4, n_landmarks: int = 7) -> Problem:
-    """Every landmark in most keyframes and both cameras; pixels tens of sigma off."""
+def random_problem(
+    seed: int, n_keyframes: int = 4, n_landmarks: int = 7, window: int | None = None
+) -> Problem:
+    """Landmarks in most keyframes and both cameras; pixels tens of sigma off.
+
+    With a ``window`` a landmark is only seen by so many neighbouring keyframes, as in a flight;
+    without one keyframe 0, which has a parametrisation of its own, sees all.
+    """
     rng = np.random.default_rng(seed)
     seen = rng.random((n_landmarks, n_keyframes, 2)) < 0.8
-    seen[:, 0] = True  # keyframe 0 has the parametrisation of its own
+    if window is None:
+        seen[:, 0] = True
+    else:
+        first = np.linspace(0, n_keyframes - window, n_landmarks).astype(int)[:, None]
+        keyframe = np.arange(n_keyframes)
+        seen = (keyframe >= first) & (keyframe < first + window)
+        seen = np.repeat(seen[:, :, None], 2, axis=2) & (rng.random((n_landmarks, n_keyframes, 2)) < 0.9)
+        seen[np.arange(n_landmarks), first[:, 0] + 1] = True
     landmark, keyframe, camera = np.nonzero(seen)
     shuffled = rng.permutation(len(landmark))
     return Problem.from_observations(

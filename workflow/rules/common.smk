@@ -1,4 +1,4 @@
-"""Helpers of the rule files: names, sequence sources, config sections, code that a stage uses."""
+"""What the other files of this folder share: names, sources of sequences, sections of the configuration."""
 
 import json
 import os
@@ -47,7 +47,8 @@ def sequence_name(key):
     """Name under which results of a configured sequence are kept: a stand-in never has EuRoC's."""
     if EUROC_ROOT:
         return key
-    return "rendered_" + config["euroc"]["sequences"][key]["stand_in"]
+    stand_in = config["euroc"]["sequences"][key]["stand_in"]
+    return f"rendered_{stand_in}"
 
 
 SEQUENCE_KEYS = {sequence_name(key): key for key in config["euroc"]["sequences"]}
@@ -56,7 +57,7 @@ MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
 VICON_ROOM = sequence_name(config["paper"]["vicon_room"])
 
 PAPER_SEQUENCES = [MACHINE_HALL, VICON_ROOM]
-EXPERIMENTS = CONFIGURATIONS + PAPER_SEQUENCES
+EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
 # Left to right in the paper's Fig. 7.
 FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for trajectory in TRAJECTORIES]
 
@@ -78,7 +79,7 @@ wildcard_constraints:
     points="|".join(LAYOUTS),
     configuration="|".join(CONFIGURATIONS),
     sequence="|".join(re.escape(name) for name in SEQUENCES),
-    experiment="|".join(re.escape(name) for name in CONFIGURATIONS + SEQUENCES),
+    experiment="|".join(re.escape(name) for name in [*CONFIGURATIONS, *SEQUENCES]),
     scene="hall|room",
 
 
@@ -158,7 +159,7 @@ def sequence_files(wildcards):
         for file in ("data.csv", "sensor.yaml")
     ]
     truths = {ground_truth_folder(wildcards.sequence, purpose) for purpose in ("truth", "biases")}
-    return [str(file) for file in sensors] + sorted(f"{truth}/data.csv" for truth in truths)
+    return [*map(str, sensors), *sorted(f"{truth}/data.csv" for truth in truths)]
 
 
 def front_end_folder(wildcards):
@@ -196,7 +197,7 @@ def paper_targets():
     tables = [f"{OUT}/table{number}.{ending}" for number in (1, 2, 3) for ending in ("csv", "md", "tex")]
     figures = [f"{OUT}/{name}.{ending}" for name in FIGURES.values() for ending in ("pdf", "png")]
     ledger = [f"{OUT}/{name}" for name in ("claims.csv", "claims.md", "summary.md", "environment.json")]
-    return tables + figures + ledger
+    return [*tables, *figures, *ledger]
 
 
 def folder_of_output(wildcards, output):

@@ -12,14 +12,14 @@ from vigauge.cli.artefacts import stem_of
 from vigauge.cli.stage import json_argument, parser, run, settings_from
 from vigauge.figures.chart import Chart
 from vigauge.figures.orbit import draw_paths, draw_transformation
-from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge
+from vigauge.gauge import three_gauges
 from vigauge.levenberg_marquardt import Options, solve
 
 
 def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
     problem = load_problems(options.problems)[options.trial]
-    gauges = {"fix": FixedGauge(), "prior": PriorGauge(options.prior_weight), "free": FreeGauge()}
+    gauges = three_gauges(options.prior_weight)
     with threadpool_limits(limits=1):
         solutions = {name: solve(problem, gauge, solver, keep_states=True) for name, gauge in gauges.items()}
         chart = Chart.around(problem, solutions["free"].state)

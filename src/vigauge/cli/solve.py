@@ -26,17 +26,12 @@ from vigauge.experiment import (
     trace_rows,
 )
 from vigauge.files import write_json, write_rows
-from vigauge.gauge import FixedGauge, FreeGauge, Gauge, PriorGauge
+from vigauge.gauge import three_gauges
 from vigauge.levenberg_marquardt import Options
 from vigauge.machine import describe_machine, versions
 from vigauge.problem import Problem
 
 HEADLINE = "headline"
-
-
-def three_gauges(prior_weight: float) -> dict[str, Gauge]:
-    """The paper's three approaches by the names that results carry."""
-    return {"fix": FixedGauge(), "prior": PriorGauge(prior_weight), "free": FreeGauge()}
 
 
 def _trials(problems: list[Problem], noise: dict[str, dict[str, float]]) -> dict[str, list[Trial]]:

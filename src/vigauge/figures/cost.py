@@ -6,14 +6,14 @@ the same trial and repeat, with the middle half of the ratios.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from ..files import write_rows
-from .statistics import box_row, converged_only, from_row, time_per_iteration_ratios
+from .statistics import box_row, converged_only, from_row, time_per_iteration_ratios, timing_of
 from .style import (
     COLOURS,
     COLUMN,
@@ -39,7 +39,7 @@ _AXES = (
 def cost_rows(name: str, solutions: Path, timing: Path) -> list[dict[str, object]]:
     """Box statistics of time, iterations and paired ratios of one experiment, a row each."""
     solved, excluded = converged_only(pd.read_csv(solutions).query("noise == 'headline'"))
-    timed = pd.read_csv(timing)
+    timed = timing_of(pd.read_csv(timing), solved)
     ratios = time_per_iteration_ratios(timed)
     rows = []
     for gauge in GAUGES:
@@ -119,7 +119,9 @@ def draw_cost(
             panel.grid(True, axis="y")
             if quantity != "time_per_iteration_ratio":
                 panel.set_ylim(bottom=0.0)
-        axes[-1].set_xticks(range(len(solutions)), [_wrapped(name) for name in solutions], fontsize=6)
+        for panel in axes if wide else axes[-1:]:
+            panel.set_xticks(range(len(solutions)), _tick_labels(solutions, rows, wrapped=not wide))
+            panel.tick_params(axis="x", labelsize=6.5)
         axes[1].legend(
             ncols=4 if not wide else 1, fontsize=6, loc="lower right", handletextpad=0.3, columnspacing=0.8
         )
@@ -128,6 +130,11 @@ def draw_cost(
     write_rows(f"{stem}.csv", rows)
 
 
-def _wrapped(name: str) -> str:
-    """'sine_plane' on two lines, as tick labels are narrow."""
-    return name.replace("_", "\n", 1)
+def _tick_labels(names: Iterable[str], rows: list[dict[str, object]], wrapped: bool) -> list[str]:
+    """Names of experiments, on two lines where narrow, and how many of their runs were left out."""
+    excluded = {row["experiment"]: row["excluded"] for row in rows}
+    return [
+        (name.replace("_", "\n", 1) if wrapped else name.replace("_", " "))
+        + (f"\n({excluded[name]} not conv.)" if excluded[name] else "")
+        for name in names
+    ]

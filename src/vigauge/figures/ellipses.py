@@ -65,6 +65,12 @@ def _draw(
         )
 
 
+def _height(p_W: Array) -> float:
+    """Height of the figure (inches) at which panels with equal axes fit the flight."""
+    width, height = np.ptp(p_W[:, :2], axis=0)
+    return float(np.clip(0.8 + 3.0 * height / max(width, 1e-9), 2.4, 4.2))
+
+
 def draw_ellipses(source: Path, stem: Path, rendered: bool) -> None:
     """Draw both panels from an archive of covariances; ``stem``.csv has centres and ellipses."""
     arrays = load_arrays(source)
@@ -76,7 +82,7 @@ def draw_ellipses(source: Path, stem: Path, rendered: bool) -> None:
     extent = float(np.ptp(curves["free"][0][:, :2], axis=0).max())
     largest = max(e["semi_major_m"] for _, ellipses in curves.values() for e in ellipses)
     scale = enlargement(extent, largest)
-    with new_figure(PAGE, 2.9, 1, 2, sharey=True) as (figure, axes):
+    with new_figure(PAGE, _height(curves["free"][0]), 1, 2, sharey=True) as (figure, axes):
         _draw(axes[0], *curves["free"], scale, COLOURS["free"], "Free", "-")
         _draw(axes[1], *curves["transformed"], scale, COLOURS["free"], "Transformed free", "-")
         _draw(axes[1], *curves["fixed"], scale, COLOURS["fix"], "Fixed", "--")

@@ -8,6 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from ..archive import load_arrays, save_arrays
 from ..so3 import Array
@@ -32,13 +33,13 @@ def logarithm(covariance: Array) -> Array:
     return np.log10(np.abs(covariance) + EPSILON)
 
 
-def held_entries(covariance: Array) -> Array:
+def held_entries(covariance: Array) -> NDArray[np.bool_]:
     """(n,) whether a parameter is held: its variance is zero next to the others, up to rounding."""
     variance = np.diagonal(covariance)
     return variance <= 1e-9 * np.median(variance)
 
 
-def _show(figure: Figure, axes: Axes, covariance: Array, held: Array, title: str) -> None:
+def _show(figure: Figure, axes: Axes, covariance: Array, held: NDArray[np.bool_], title: str) -> None:
     n = len(covariance) // 3
     values = np.ma.masked_array(logarithm(covariance), held[:, None] | held[None, :])
     grey = mpl.colormaps["gray_r"].with_extremes(bad=HELD)

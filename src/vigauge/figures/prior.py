@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..files import write_rows
-from .statistics import box_row, converged_only, from_row
+from .statistics import box_row, converged_only, from_row, timing_of
 from .style import COLUMN, PAGE, PUBLISHED, box_plot, new_figure, save_figure
 
 _QUANTITIES = (
@@ -38,10 +38,15 @@ def _published_rmse(folder: Path | None) -> pd.DataFrame | None:
     return table.assign(key=table["weight"].fillna(table["weight_guess"]).astype(float)).set_index("key")
 
 
+def _span(values: np.ndarray) -> float:
+    """Range over mean, in per cent."""
+    return float(100.0 * (np.nanmax(values) - np.nanmin(values)) / np.nanmean(values))
+
+
 def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
     """Figure 4: mean RMSE over the trials, each weight one step on the axis, with its change in per cent.
 
-    The paper's curves (grey) are drawn on an axis of the same relative span.
+    The paper's curves (grey) have an axis of their own; each curve's span over its mean is stated.
     """
     sweep, failed = converged_only(_read(sweep_file))
     weights = _weights(sweep)
@@ -51,20 +56,13 @@ def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
         for panel, (name, their_name, label) in zip(axes, _QUANTITIES, strict=True):
             ours = means.loc[weights, name].to_numpy()
             panel.plot(range(len(weights)), ours, color="#5D3A9B", marker=".", label="ours")
-            span = ours.max() - ours.min()
             panel.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useOffset=False)
             panel.set_ylabel(label)
             panel.grid(True)
-            panel.annotate(
-                f"span {100 * span / ours.mean():.2g} %",
-                (0.99, 0.95),
-                xycoords="axes fraction",
-                ha="right",
-                va="top",
-                fontsize=6,
-            )
+            spans = f"span {_span(ours):.2g} %"
             if theirs is not None:
-                values = [theirs[their_name].get(float(weight), np.nan) for weight in weights]
+                values = np.array([theirs[their_name].get(float(weight), np.nan) for weight in weights])
+                spans += f" (paper {_span(values):.2g} %)"
                 other = panel.twinx()
                 other.plot(
                     range(len(weights)), values, color=PUBLISHED, marker=".", linestyle="--", label="paper"
@@ -77,6 +75,7 @@ def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
                     figure.legend(
                         *other.get_legend_handles_labels(), loc="outside upper center", ncols=2, fontsize=6
                     )
+            panel.set_title(spans, fontsize=6, loc="center", pad=2)
         axes[-1].set_xticks(range(len(weights)), weights, rotation=60)
         axes[-1].set_xlabel("Prior weight")
         save_figure(figure, stem)
@@ -94,7 +93,7 @@ def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
 def draw_cost(sweep_file: Path, timing_file: Path, stem: Path, published: Path | None) -> None:
     """Figure 5: iterations and time of all trials, a box a weight; the paper's iterations in grey."""
     sweep, _ = converged_only(_read(sweep_file))
-    timing = _read(timing_file)
+    timing = timing_of(_read(timing_file), sweep, "weight")
     weights = _weights(sweep)
     rows = []
     for quantity, table, column in (("iterations", sweep, "iterations"), ("time_s", timing, "seconds")):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.ticker import MaxNLocator
 
 from ..archive import load_states
 from ..files import write_rows
@@ -27,11 +28,13 @@ def draw_scenes(titles: Sequence[str], truths: Sequence[Path], paths: Sequence[P
             panel.scatter(*truth.p_W.T, s=8, color=COLOURS["fix"], label="keyframes")
             panel.set_title(title)
             panel.set_xlabel("x (m)", labelpad=-6)
-            panel.set_ylabel("y (m)", labelpad=-6)
+            panel.set_ylabel("y (m)", labelpad=-4)
             panel.set_zlabel("z (m)", labelpad=-8)
             panel.tick_params(pad=-2, labelsize=6)
             panel.set_aspect("equal")
-            panel.set_box_aspect(None, zoom=0.86)
+            panel.set_box_aspect(None, zoom=0.95)
+            for axis in (panel.xaxis, panel.yaxis, panel.zaxis):
+                axis.set_major_locator(MaxNLocator(5, integer=True))
             panel.view_init(elev=22, azim=-70)
             for kind, points in (
                 ("landmark", truth.X_W),

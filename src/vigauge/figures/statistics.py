@@ -42,10 +42,19 @@ def converged_only(solutions: pd.DataFrame) -> tuple[pd.DataFrame, int]:
     return good, len(solutions) - len(good)
 
 
+def timing_of(timing: pd.DataFrame, solutions: pd.DataFrame, label: str = "gauge") -> pd.DataFrame:
+    """Timings of the runs (``label``, trial) that are among ``solutions``."""
+    runs = solutions[[label, "trial"]].drop_duplicates()
+    return timing.merge(runs, on=[label, "trial"], how="inner")
+
+
 def time_per_iteration_ratios(
     timing: pd.DataFrame, label: str = "gauge", reference: str = "fix"
 ) -> dict[str, np.ndarray]:
-    """Time per iteration over the reference's, paired by trial and repeat; one array a gauge."""
+    """Time per iteration over the reference's, paired by trial and repeat; one array a gauge.
+
+    Pairs in which a run is missing are left out.
+    """
     timing = timing.assign(each=timing["seconds"] / timing["iterations"])
-    table = timing.pivot(index=["trial", "repeat"], columns=label, values="each")
+    table = timing.pivot(index=["trial", "repeat"], columns=label, values="each").dropna()
     return {name: (table[name] / table[reference]).to_numpy() for name in table.columns}

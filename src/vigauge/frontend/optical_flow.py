@@ -45,7 +45,7 @@ class FlowCounts:
 def _flow(
     first: Image, second: Image, points: Array, guess: Array, settings: FlowSettings
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Points (m, 2) of ``first`` found in ``second`` near ``guess``, and which came back when followed backwards."""
+    """Points (m, 2) of ``first`` found in ``second`` near ``guess``, and which of them came back."""
     if not len(points):
         return points.copy(), np.zeros(0, dtype=bool)
     options = {
@@ -83,12 +83,12 @@ def _turned(points: Array, camera: Camera, dR_B: Array) -> Array:
 
 
 class FlowTracker:
-    """Follows corners through a sequence; call :meth:`advance` for each frame, :meth:`keyframe` at keyframes."""
+    """Follows corners; call :meth:`advance` for each frame, :meth:`keyframe` at keyframes."""
 
     def __init__(self, geometry: StereoGeometry, flow: FlowSettings, stereo: StereoSettings) -> None:
         self.geometry, self.flow, self.stereo = geometry, flow, stereo
         self.counts = FlowCounts()
-        self.points = np.empty((0, 2))
+        self.points: Array = np.empty((0, 2))
         self.track = np.empty(0, dtype=np.int64)
         self.disparity = np.empty(0)
         self.n_tracks = 0
@@ -100,10 +100,10 @@ class FlowTracker:
 
     def equalised(self, image: Image) -> Image:
         """Local histogram equalisation, so that exposure does not matter."""
-        return self.equaliser.apply(image)  # type: ignore[return-value]
+        return self.equaliser.apply(image)
 
     def advance(self, left: Image, dR_B: Array) -> None:
-        """Follow all points into the next (equalised) left image; dR_B (3, 3) is R_B0B1 between the two frames."""
+        """Follow all points into the next (equalised) left image; dR_B (3, 3) is R_B0B1 between them."""
         if self.image is not None and len(self.points):
             guess = _turned(self.points, self.geometry.left, dR_B)
             self._follow(self.image, left, self.points, guess)

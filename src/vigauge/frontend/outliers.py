@@ -88,7 +88,7 @@ def _enough_keyframes(problem: Problem, keep: NDArray[np.bool_], least: int) -> 
 
 
 def without(problem: Problem, keep: NDArray[np.bool_], state: State) -> tuple[Problem, NDArray[np.int64]]:
-    """The problem with the observations ``keep`` (M,) only, started at ``state``; and the landmarks it has left."""
+    """The problem with the observations ``keep`` (M,) only, started at ``state``; and its landmarks."""
     landmarks, number = np.unique(problem.obs_landmark[keep], return_inverse=True)
     initial = State.start(state.p_W, state.R_WB, state.v_W, state.X_W[landmarks])
     reduced = Problem(

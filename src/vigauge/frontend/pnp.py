@@ -38,7 +38,7 @@ def reprojection_error(K: Array, R_CM: Array, p_CM: Array, points_M: Array, uv: 
     points_C = points_M @ R_CM.T + p_CM
     ahead = points_C[:, 2] > 1e-6
     points_C[~ahead] = [0.0, 0.0, 1.0]
-    predicted, _ = project(points_C, K[0, 0], K[1, 1], K[0, 2], K[1, 2])  # type: ignore[arg-type]
+    predicted, _ = project(points_C, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
     return np.where(ahead, np.linalg.norm(predicted - uv, axis=1), np.inf)
 
 

@@ -82,7 +82,7 @@ class StereoGeometry:
 
     def rectified_image(self, image: Image, camera: int) -> Image:
         """The image of one camera (0 left, 1 right) seen through the rectified view."""
-        return cv2.remap(image, *self._maps[camera], interpolation=cv2.INTER_LINEAR)  # type: ignore[return-value]
+        return cv2.remap(image, *self._maps[camera], interpolation=cv2.INTER_LINEAR)
 
     def to_rectified(self, uv: Array, camera: int) -> Array:
         """Rectified pixels (M, 2) of ideal pixels (M, 2)."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+
 import pycolmap  # isort: skip
 from numpy.typing import NDArray
 
@@ -61,7 +62,7 @@ class Triangulation:
 
 @dataclass(frozen=True)
 class _Views:
-    """Each observation's camera: ``R_CW`` (M, 3, 3), ``p_CW`` (M, 3) m, ray in C (M, 3), and calibration (M, 4)."""
+    """Each observation's camera: ``R_CW`` (M, 3, 3), ``p_CW`` (M, 3) m, ray in C, calibration (M, 4)."""
 
     R_CW: Array
     p_CW: Array
@@ -83,7 +84,7 @@ class _Views:
         return cls(R_CW, -np.einsum("mij,mj->mi", R_CW, p_WC), ray, calibration)
 
     def depth_and_error(self, points_W: Array, uv: Array) -> tuple[Array, Array]:
-        """Depth (M,) m and reprojection error (M,) px (infinite behind the camera) of each view's point (M, 3)."""
+        """Depth (M,) m and reprojection error (M,) px (infinite behind the camera) of points (M, 3)."""
         points_C = np.einsum("mij,mj->mi", self.R_CW, points_W) + self.p_CW
         depth = points_C[:, 2]
         ahead = depth > 1e-9

@@ -41,6 +41,6 @@ def visible_points(
     centre_W = p_W + R_WB @ camera.p_BC
     points_C = np.einsum("nji,nkj->nki", R_WC, X_W[None] - centre_W[:, None])
     keyframe, landmark = np.nonzero(points_C[..., 2] > MINIMUM_DEPTH)
-    uv, _ = project(points_C[keyframe, landmark], camera.fx, camera.fy, camera.cx, camera.cy)  # type: ignore[arg-type]
+    uv, _ = project(points_C[keyframe, landmark], camera.fx, camera.fy, camera.cx, camera.cy)
     inside = np.all((uv >= 0.0) & (uv <= [camera.width - 1, camera.height - 1]), axis=1)
     return keyframe[inside], landmark[inside], uv[inside]
