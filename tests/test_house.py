@@ -28,6 +28,8 @@ FLOORS = (
     "frontend",
     "euroc",
     "simulation",
+    "claims",
+    "tables",
     "experiment",
     "evaluation",
     "covariance",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -16,6 +17,8 @@ GAUGES = ("fix", "free", "prior")
 GAUGE_NAMES = {"fix": "Gauge fixation", "free": "Free gauge", "prior": "Gauge prior"}
 ERRORS = ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps")
 STAND_IN = "rendered stand-in, not EuRoC"
+_SHORT = {"p_rmse_m": "p (m)", "phi_rmse_deg": "phi (deg)", "v_rmse_mps": "v (m/s)"}
+_BOLD = re.compile(r"\*\*(.+?)\*\*")
 
 
 def table1(covariance: Path) -> list[Row]:
@@ -35,10 +38,13 @@ def table1(covariance: Path) -> list[Row]:
 
 
 def mean_errors(solutions: Path) -> dict[str, dict[str, float]]:
-    """Mean RMSE over the converged trials of the headline noise, by gauge; with the number left out."""
+    """Mean RMSE over the converged trials of the headline noise, by gauge; with the number left out.
+
+    NaN for a gauge under which no trial converged.
+    """
     table = pd.read_csv(solutions).query("noise == 'headline'")
     good = table[table["converged"]]
-    means = good.groupby("gauge")[list(ERRORS)].mean()
+    means = good.groupby("gauge")[list(ERRORS)].mean().reindex(list(GAUGES))
     return {
         gauge: {name: float(means.loc[gauge, name]) for name in ERRORS}
         | {"excluded": float((~table.loc[table["gauge"] == gauge, "converged"]).sum())}
@@ -61,6 +67,17 @@ def table3(solutions: Mapping[str, Path], source: str) -> list[Row]:
     return [{"sequence": row.pop("configuration"), "source": source, **row} for row in table2(solutions)]
 
 
+def left_out(solutions: Mapping[str, Path]) -> str:
+    """A sentence on the runs that did not converge and are in no mean; empty where there is none."""
+    counts = [
+        f"{int(values['excluded'])} of {name} {gauge}"
+        for name, file in solutions.items()
+        for gauge, values in mean_errors(file).items()
+        if values["excluded"]
+    ]
+    return f" Left out, as they did not converge: {', '.join(counts)}." if counts else ""
+
+
 def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
@@ -76,11 +93,12 @@ def markdown(rows: Sequence[Mapping[str, object]], note: str = "") -> str:
 
 
 def latex(rows: Sequence[Mapping[str, object]], note: str = "") -> str:
-    """Rows as a LaTeX tabular with booktabs rules."""
+    """Rows as a LaTeX tabular with booktabs rules; Markdown's bold becomes LaTeX's."""
     names = list(rows[0])
 
     def line(values: Sequence[object]) -> str:
-        return " & ".join(_text(value).replace("_", r"\_").replace("%", r"\%") for value in values) + r" \\"
+        cells = (_text(value).replace("_", r"\_").replace("%", r"\%") for value in values)
+        return " & ".join(_BOLD.sub(r"\\textbf{\1}", cell) for cell in cells) + r" \\"
 
     body = [line([row[name] for name in names]) for row in rows]
     head = [r"\begin{tabular}{" + "l" * len(names) + "}", r"\toprule", line(names), r"\midrule"]
@@ -93,8 +111,8 @@ def wide_errors(
 ) -> list[Row]:
     """Tables II and III as the paper sets them: a row a case, fixation and free side by side.
 
-    The smaller of each pair is bold. With ``published`` (a CSV of the paper's table) its
-    values follow in brackets; ``names`` maps our cases to the paper's.
+    The smaller of each pair is bold where the digits shown differ. With ``published`` (a CSV
+    of the paper's table) its values follow in brackets; ``names`` maps our cases to the paper's.
     """
     key = "configuration" if "configuration" in rows[0] else "sequence"
     theirs = None if published is None else pd.read_csv(published).set_index([key, "gauge"])
@@ -104,19 +122,20 @@ def wide_errors(
         values = {str(row["gauge"]): row for row in rows if row[key] == case}
         for gauge in ("fix", "free"):
             for error in ERRORS:
-                mine = float(str(values[gauge][error]))
-                best = mine <= min(float(str(values[g][error])) for g in ("fix", "free"))
-                text = f"**{mine:.5f}**" if best else f"{mine:.5f}"
+                text = f"{values[gauge][error]:.5f}"
+                other = f"{values['free' if gauge == 'fix' else 'fix'][error]:.5f}"
+                if float(text) < float(other):
+                    text = f"**{text}**"
                 their_case = (names or {}).get(case, case)
                 if theirs is not None and (their_case, gauge) in theirs.index:
                     text += f" ({theirs.loc[(their_case, gauge), error]:.5g})"
-                line[f"{gauge} {error}"] = text
+                line[f"{gauge}, {_SHORT[error]}"] = text
         out.append(line)
     return out
 
 
 def write_table(rows: Sequence[Row], stem: Path, shown: Sequence[Row] | None = None, note: str = "") -> None:
-    """``stem``.csv with the rows, ``stem``.md with what is ``shown`` of them, and ``stem``.tex."""
+    """``stem``.csv with the rows; ``stem``.md and ``stem``.tex with what is ``shown`` of them."""
     write_rows(f"{stem}.csv", rows)
     write_text(f"{stem}.md", markdown(shown or rows, note))
-    write_text(f"{stem}.tex", latex(rows, note))
+    write_text(f"{stem}.tex", latex(shown or rows, note))

@@ -22,13 +22,11 @@ def test_the_three_shapes_of_the_paper():
 
 @pytest.mark.parametrize("shape", TRAJECTORIES)
 def test_length_and_mean_speed(shape):
-    """Catches a wrong scale: 5 m at 2 m/s (Section V-B) within 2 % for the smooth shapes; the corners
-    that the spline rounds off take up to 4 % from rec."""
+    """Catches a wrong scale: 5 m at 2 m/s (Section V-B), to half a percent."""
     p_W = make_trajectory(shape, SETTINGS).p_W(DENSE)
     length = np.linalg.norm(np.diff(p_W, axis=0), axis=1).sum()
-    tolerance = 0.04 if shape == "rec" else 0.02
-    assert length == pytest.approx(5.0, rel=tolerance)
-    assert length / SETTINGS.duration_s == pytest.approx(2.0, rel=tolerance)
+    assert length == pytest.approx(5.0, rel=5e-3)
+    assert length / SETTINGS.duration_s == pytest.approx(2.0, rel=5e-3)
 
 
 @pytest.mark.parametrize("shape", TRAJECTORIES)

@@ -27,7 +27,7 @@ rule environment:
         "../envs/vigauge.yaml"
     params:
         config=whole_configuration(),
-        checkout=str(ROOT),
+        checkout=os.path.relpath(ROOT),
         sequences=[f"--sequence {name}={SOURCE_OF_SEQUENCES}" for name in SEQUENCES],
     message:
         "Recording versions, machine and configuration"
@@ -351,7 +351,7 @@ rule readme:
     conda:
         "../envs/vigauge.yaml"
     params:
-        readme=str(ROOT / "README.md"),
+        readme=os.path.relpath(ROOT / "README.md"),
     message:
         "Putting the summary into README.md"
     shell:

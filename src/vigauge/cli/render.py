@@ -10,6 +10,7 @@ from typing import Any
 from tqdm import tqdm
 
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.machine import versions
 from vigauge.simulation.asl_folder import write_asl_folder
 from vigauge.simulation.rendering import SCENES, RenderSettings, render_sequence
 
@@ -22,7 +23,7 @@ def work(options: argparse.Namespace) -> None:
     def bar(images: Iterable[Any], total: int) -> Iterable[Any]:
         return tqdm(images, total=total, desc=f"{name}: rendering", unit="frame", disable=None)
 
-    write_asl_folder(sequence, options.scene, options.output / name, bar)
+    write_asl_folder(sequence, options.scene, options.output / name, versions(), bar)
     LOG.info("%s: %d stereo frames", name, len(sequence.frame_ns))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from vigauge.cli.artefacts import add_published, named_file, stem_of
 from vigauge.cli.stage import parser, run
-from vigauge.tables import STAND_IN, table1, table2, table3, wide_errors, write_table
+from vigauge.tables import STAND_IN, left_out, table1, table2, table3, wide_errors, write_table
 
 _BOLD = "Bold: the smaller of fixation and free."
 
@@ -22,14 +22,14 @@ def work(options: argparse.Namespace) -> None:
     beside = " In brackets: the paper." if published else ""
     if options.table == 2:
         rows = table2(solutions)
-        note = f"RMSE in m, deg, m/s; means over the trials. {_BOLD}{beside}"
+        note = f"RMSE in m, deg, m/s; means over the trials. {_BOLD}{beside}{left_out(solutions)}"
         write_table(rows, options.output, wide_errors(rows, published), note)
         return
     rows = table3(solutions, options.source)
     euroc = options.source == "euroc"
     names = dict(zip(solutions, ("MH", "VI"), strict=True)) if euroc else {}
     what = "RMSE in m, deg, m/s" if euroc else f"RMSE in m, deg, m/s; {STAND_IN}"
-    note = f"{what}. {_BOLD}{beside if euroc else ''}"
+    note = f"{what}. {_BOLD}{beside if euroc else ''}{left_out(solutions)}"
     write_table(rows, options.output, wide_errors(rows, published if euroc else None, names), note)
 
 

@@ -49,12 +49,12 @@ def cost_rows(name: str, solutions: Path, timing: Path) -> list[dict[str, object
         for quantity, values in (
             ("time_s", times),
             ("iterations", counts),
-            ("time_per_iteration_ratio", ratios[gauge]),
+            ("time_per_iteration_ratio", ratios.get(gauge, np.empty(0))),
         ):
             rows.append(
                 {
                     **box_row(values, **labels, quantity=quantity),
-                    "mean": float(np.mean(values)),
+                    "mean": float(np.mean(values)) if len(values) else float("nan"),
                     "excluded": excluded,
                 }
             )

@@ -48,11 +48,12 @@ def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
 
     The paper's curves (grey) have an axis of their own; each curve's span over its mean is stated.
     """
-    sweep, failed = converged_only(_read(sweep_file))
-    weights = _weights(sweep)
-    means = sweep.groupby("weight", sort=False)[[name for name, _, _ in _QUANTITIES]].mean()
+    everything = _read(sweep_file)
+    sweep, failed = converged_only(everything)
+    weights = _weights(everything)
+    means = sweep.groupby("weight")[[name for name, _, _ in _QUANTITIES]].mean().reindex(weights)
     theirs = _published_rmse(published)
-    with new_figure(COLUMN, 3.6, 3, 1, sharex=True) as (figure, axes):
+    with new_figure(COLUMN, 4.1, 3, 1, sharex=True) as (figure, axes):
         for panel, (name, their_name, label) in zip(axes, _QUANTITIES, strict=True):
             ours = means.loc[weights, name].to_numpy()
             panel.plot(range(len(weights)), ours, color="#5D3A9B", marker=".", label="ours")
@@ -92,13 +93,15 @@ def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
 
 def draw_cost(sweep_file: Path, timing_file: Path, stem: Path, published: Path | None) -> None:
     """Figure 5: iterations and time of all trials, a box a weight; the paper's iterations in grey."""
-    sweep, _ = converged_only(_read(sweep_file))
+    everything = _read(sweep_file)
+    sweep, _ = converged_only(everything)
     timing = timing_of(_read(timing_file), sweep, "weight")
-    weights = _weights(sweep)
+    weights = _weights(everything)
     rows = []
     for quantity, table, column in (("iterations", sweep, "iterations"), ("time_s", timing, "seconds")):
-        groups = dict(list(table.groupby("weight")))
-        rows += [box_row(groups[w][column].to_numpy(), weight=w, quantity=quantity) for w in weights]
+        for weight in weights:
+            values = table.loc[table["weight"] == weight, column].to_numpy()
+            rows.append(box_row(values, weight=weight, quantity=quantity))
     table = pd.DataFrame(rows)
     with new_figure(COLUMN, 3.3, 2, 1, sharex=True) as (figure, axes):
         for panel, quantity, label in zip(

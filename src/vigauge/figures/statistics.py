@@ -9,7 +9,12 @@ import pandas as pd
 
 
 def box(values: np.ndarray) -> dict[str, Any]:
-    """Quartiles, and whiskers at the last data within 1.5 interquartile ranges (as the paper's boxes)."""
+    """Quartiles, and whiskers at the last data within 1.5 interquartile ranges (as the paper's boxes).
+
+    All NaN where there are no values: such a box is not drawn.
+    """
+    if not len(values):
+        return dict.fromkeys(("whislo", "q1", "med", "q3", "whishi"), float("nan"))
     q1, median, q3 = np.percentile(values, [25, 50, 75])
     reach = 1.5 * (q3 - q1)
     inside = values[(values >= q1 - reach) & (values <= q3 + reach)]
@@ -56,5 +61,6 @@ def time_per_iteration_ratios(
     Pairs in which a run is missing are left out.
     """
     timing = timing.assign(each=timing["seconds"] / timing["iterations"])
-    table = timing.pivot(index=["trial", "repeat"], columns=label, values="each").dropna()
+    table = timing.pivot(index=["trial", "repeat"], columns=label, values="each")
+    table = table.reindex(columns=sorted({*table.columns, reference})).dropna()
     return {name: (table[name] / table[reference]).to_numpy() for name in table.columns}

@@ -77,7 +77,7 @@ def save_figure(figure: Figure, stem: str | os.PathLike[str]) -> None:
 def note_stand_in(figure: Figure, rendered: bool) -> None:
     """Say on the figure itself that its data are not EuRoC's."""
     if rendered:
-        figure.suptitle(STAND_IN, fontsize=7, color=PUBLISHED)
+        figure.suptitle(STAND_IN, fontsize=8, fontweight="bold")
 
 
 def box_plot(

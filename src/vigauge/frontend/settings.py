@@ -90,12 +90,13 @@ class StereoSettings:
 
 @dataclass(frozen=True)
 class PoseSettings:
-    """Keyframe poses by RANSAC PnP against the map."""
+    """Keyframe poses by RANSAC PnP against the points of the keyframes before."""
 
     reprojection_px: float = _real("px", "largest reprojection error of an inlier", 0.1, 50.0, 2.5)
     rounds: int = _count("rounds", "RANSAC rounds", 10, 100_000, 300)
     inliers: int = _count("points", "least inliers of a keyframe", 5, 10_000, 20)
-    map_parallax_deg: float = _real("deg", "least parallax of a point of the map for PnP", 0.0, 45.0, 0.4)
+    map_keyframes: int = _count("keyframes", "keyframes just before, whose points a pose is found by", 1, 1000, 1)
+    map_parallax_deg: float = _real("deg", "least parallax of these points", 0.0, 45.0, 0.4)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import yaml
 
-from .. import __version__, so3
+from .. import so3
 from ..camera import Camera
 from ..errors import DataError
 from ..so3 import Array
@@ -22,8 +22,13 @@ from .flight import EUROC_BIAS_WALK, EUROC_CAMERA_RATE_HZ, EUROC_IMU_RATE_HZ
 from .rendering import START_NS, RenderedSequence
 
 NOTICE = "rendered stand-in, not EuRoC"
-# Fast, and half the size of none; decoding does not depend on it.
-_PNG_LEVEL = 1
+# The fastest that is still half the size of raw pixels (noise hardly compresses); without loss.
+_PNG_OPTIONS = [
+    cv2.IMWRITE_PNG_COMPRESSION,
+    1,
+    cv2.IMWRITE_PNG_STRATEGY,
+    cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY,
+]
 
 _IMU_COLUMNS = (
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
@@ -39,15 +44,28 @@ Progress = Callable[[Iterable[Any], int], Iterable[Any]]
 
 
 def write_asl_folder(
-    sequence: RenderedSequence, scene_name: str, folder: Path, progress: Progress = lambda items, total: items
+    sequence: RenderedSequence,
+    scene_name: str,
+    folder: Path,
+    versions: Mapping[str, str],
+    progress: Progress = lambda items, total: items,
 ) -> None:
-    """Write ``folder/mav0`` and ``folder/rendered.json``; what was there before is replaced.
+    """Write ``folder/mav0`` and ``folder/rendered.json``, with the ``versions`` it was made by.
 
     Images go to a folder beside, which takes its name when all is written; ``rendered.json``
-    comes last, so its presence says that the sequence is whole.
+    comes last, so its presence says that the sequence is whole. An earlier rendering is replaced.
+
+    Raises
+    ------
+    DataError
+        where the folder holds a sequence that was not rendered: real data are never replaced.
     """
     folder.mkdir(parents=True, exist_ok=True)
     about = folder / "rendered.json"
+    if (folder / "mav0").exists() and not _is_rendered(folder / "mav0"):
+        raise DataError(
+            folder / "mav0", "must not exist, or be a rendered stand-in: real data are never replaced"
+        )
     about.unlink(missing_ok=True)
     temporary = folder / f".mav0.{os.getpid()}"
     try:
@@ -60,9 +78,15 @@ def write_asl_folder(
         "notice": NOTICE,
         "scene": scene_name,
         "settings": asdict(sequence.settings),
-        "versions": {"vigauge": __version__, "numpy": np.__version__, "opencv": cv2.__version__},
+        "versions": dict(versions),
     }
     about.write_text(json.dumps(description, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def _is_rendered(mav0: Path) -> bool:
+    """Whether a sequence says of itself that it was rendered."""
+    body = mav0 / "body.yaml"
+    return body.is_file() and NOTICE in body.read_text(encoding="utf-8")
 
 
 def _write_mav0(sequence: RenderedSequence, mav0: Path, progress: Progress) -> None:
@@ -74,7 +98,7 @@ def _write_mav0(sequence: RenderedSequence, mav0: Path, progress: Progress) -> N
     for t, pair in zip(sequence.frame_ns, progress(sequence.images(), len(sequence.frame_ns)), strict=True):
         for name, image in zip(("cam0", "cam1"), pair, strict=True):
             path = mav0 / name / "data" / f"{t}.png"
-            if not cv2.imwrite(str(path), image, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_LEVEL]):
+            if not cv2.imwrite(str(path), image, _PNG_OPTIONS):
                 raise DataError(path, "image must be writable")
     _write_imu(sequence, mav0 / "imu0")
     _write_truth(sequence, mav0 / "state_groundtruth_estimate0")

@@ -42,7 +42,7 @@ START_NS = 1_500_000_000_000_000_000
 _IMU_PERIOD_NS = 1_000_000_000 // EUROC_IMU_RATE_HZ
 _CAMERA_PERIOD_NS = 1_000_000_000 // EUROC_CAMERA_RATE_HZ
 # Slanted surfaces are finer in one direction than the mean that picks the mip level.
-_LEVEL_BIAS = 0.25
+_LEVEL_BIAS = -0.25
 
 SCENES: dict[str, tuple[Callable[[], Scene], FlightShape]] = {
     "hall": (hall, HALL_FLIGHT),
