@@ -58,45 +58,61 @@ def pose_keyframes(
     DataError
         where a keyframe sees too few points of the map or too few of them agree on a pose.
     """
-    left = cameras[LEFT]
     p_M, R_MB = np.zeros((n_keyframes, 3)), np.tile(np.eye(3), (n_keyframes, 1, 1))
     tried, inliers = np.zeros(n_keyframes, dtype=np.int64), np.zeros(n_keyframes, dtype=np.int64)
     keep = np.ones(len(tracks.track), dtype=bool)
     for k in range(1, n_keyframes):
-        _, track, uv = tracks.seen_at(k, LEFT)
-        recent = keep & (tracks.keyframe < k) & (tracks.keyframe >= k - pose.map_keyframes)
-        points = _local_map(cameras, p_M, R_MB, tracks.where(recent), track, pose, triangulation)
-        known = np.isfinite(points[:, 0])
-        found = estimate_pose(points[known], uv[known], left.K, pose.reprojection_px, pose.rounds)
-        tried[k] = np.count_nonzero(known)
-        inliers[k] = found.n_inliers if found else 0
-        if found is None or inliers[k] < pose.inliers:
+        # Where the last keyframes share too little with this one, those before them may help.
+        for reach in range(min(pose.map_keyframes, k), k + 1):
+            recent = tracks.where(keep & (tracks.keyframe < k) & (tracks.keyframe >= k - reach))
+            attempt = _pose_against(cameras, p_M, R_MB, tracks, recent, k, pose, triangulation)
+            tried[k], inliers[k] = len(attempt.track), attempt.n_inliers
+            if inliers[k] >= pose.inliers:
+                break
+        if attempt.found is None or inliers[k] < pose.inliers:
             rule = f"at least {pose.inliers} points of the map must agree on its pose ({tried[k]} seen)"
             raise DataError("front-end", rule, row=k, field="keyframe", value=int(inliers[k]))
-        R_MB[k], p_M[k] = _body_pose(found, left)
+        R_MB[k], p_M[k] = _body_pose(attempt.found, cameras[LEFT])
         wrong = np.zeros(tracks.n_tracks, dtype=bool)
-        wrong[track[known][~found.inlier]] = True
+        wrong[attempt.track[~attempt.found.inlier]] = True
         keep &= ~((tracks.keyframe == k) & wrong[tracks.track])
     return Map(p_M, R_MB, tracks.where(keep), tried, inliers, int(np.count_nonzero(~keep)))
 
 
-def _local_map(
+@dataclass(frozen=True)
+class _Attempt:
+    """A pose, or None, and the tracks (m,) of the points that were tried for it."""
+
+    found: CameraPose | None
+    track: Index
+
+    @property
+    def n_inliers(self) -> int:
+        return self.found.n_inliers if self.found else 0
+
+
+def _pose_against(
     cameras: tuple[Camera, Camera],
     p_M: Array,
     R_MB: Array,
+    tracks: Tracks,
     recent: Tracks,
-    track: Index,
+    k: int,
     pose: PoseSettings,
     triangulation: TriangulationSettings,
-) -> Array:
-    """(m, 3) points of the tracks ``track`` (m,) from the observations ``recent``; NaN where there is none."""
+) -> _Attempt:
+    """Pose of the left camera at keyframe k from the points that the observations ``recent`` give."""
     # Stereo alone sees a point well enough to find a pose by.
     loose = replace(triangulation, parallax_deg=pose.map_parallax_deg, keyframes=1)
-    wanted = np.zeros(recent.n_tracks, dtype=bool)
+    _, track, uv = tracks.seen_at(k, LEFT)
+    wanted = np.zeros(tracks.n_tracks, dtype=bool)
     wanted[track] = True
-    points = np.full((recent.n_tracks, 3), np.nan)
+    points = np.full((tracks.n_tracks, 3), np.nan)
     points[wanted] = triangulate(cameras, p_M, R_MB, recent.renumbered(wanted), loose).points_W
-    return points[track]
+    known = np.isfinite(points[track, 0])
+    track, uv = track[known], uv[known]
+    K = cameras[LEFT].K
+    return _Attempt(estimate_pose(points[track], uv, K, pose.reprojection_px, pose.rounds), track)
 
 
 def _body_pose(pose: CameraPose, camera: Camera) -> tuple[Array, Array]:

@@ -56,8 +56,8 @@ class KeyframeSettings:
 class FlowSettings:
     """Corners and pyramidal optical flow, for contiguous stereo."""
 
-    corners: int = _count("corners", "corners that are tracked at a time", 20, 5000, 400)
-    corner_distance_px: float = _real("px", "least distance between corners", 2.0, 100.0, 16.0)
+    corners: int = _count("corners", "corners that are tracked at a time", 20, 5000, 600)
+    corner_distance_px: float = _real("px", "least distance between corners", 2.0, 100.0, 12.0)
     corner_quality: float = _real("1", "least corner response, relative to the best", 1e-5, 0.5, 0.005)
     window_px: int = _count("px", "side of the patch that is tracked", 5, 61, 21)
     levels: int = _count("levels", "pyramid levels above the image", 0, 8, 3)
@@ -95,7 +95,9 @@ class PoseSettings:
     reprojection_px: float = _real("px", "largest reprojection error of an inlier", 0.1, 50.0, 2.5)
     rounds: int = _count("rounds", "RANSAC rounds", 10, 100_000, 300)
     inliers: int = _count("points", "least inliers of a keyframe", 5, 10_000, 20)
-    map_keyframes: int = _count("keyframes", "keyframes just before, whose points a pose is found by", 1, 1000, 1)
+    map_keyframes: int = _count(
+        "keyframes", "keyframes just before, whose points a pose is found by; more where needed", 1, 1000, 1
+    )
     map_parallax_deg: float = _real("deg", "least parallax of these points", 0.0, 45.0, 0.4)
 
 

@@ -126,7 +126,7 @@ def search_disparity(
     ----------
     uv_V : (M, 2) points in the rectified left image
     expected : (M,) disparity to search around, px; NaN where nothing is known: then the whole
-        range is searched and the best match must stand out from the second best
+        range is searched
 
     Returns
     -------
