@@ -230,3 +230,14 @@ def test_report_builds_with_every_caption(smoke_project: Path) -> None:
     done = snakemake(smoke_project, "--report", "report.html")
     assert done.returncode == 0, done.stderr[-3000:]
     assert (smoke_project / "report.html").stat().st_size > 100_000
+
+
+def test_standard_entry_makes_the_same(smoke_project: Path) -> None:
+    """An entry at workflow/Snakefile, where the standard layout has it, that makes nothing."""
+    jobs = [
+        planned_rules(done.stdout + done.stderr)
+        for entry in ("Snakefile", "workflow/Snakefile")
+        for done in [snakemake(smoke_project, "--dry-run", "--forceall", "--snakefile", entry)]
+    ]
+    assert jobs[0]
+    assert jobs[0] == jobs[1] - {"paper"}

@@ -11,7 +11,8 @@ from pathlib import Path
 import grimp
 from snakemake.exceptions import WorkflowError
 
-ROOT = Path(workflow.basedir)
+# This file's folder is workflow/rules, whichever of the two Snakefiles was started.
+ROOT = Path(str(workflow.current_basedir)).resolve().parents[1]
 SOURCE = ROOT / "src"
 sys.path.insert(0, str(SOURCE))
 
