@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from .conftest import make_project, snakemake
+from .conftest import ROOT, make_project, snakemake
 
 pytestmark = pytest.mark.workflow
 
@@ -241,3 +241,13 @@ def test_standard_entry_makes_the_same(smoke_project: Path) -> None:
     ]
     assert jobs[0]
     assert jobs[0] == jobs[1] - {"paper"}
+
+
+def test_library_example_of_the_readme_runs(smoke_project: Path) -> None:
+    """An example that no longer fits the library."""
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), flags=re.DOTALL)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=smoke_project, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "function tolerance" in done.stdout

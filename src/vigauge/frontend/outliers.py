@@ -45,6 +45,8 @@ def reprojection_px(problem: Problem, state: State) -> Array:
 def find_inliers(problem: Problem, settings: OutlierSettings, keyframes_per_landmark: int) -> Inliers:
     """Alternate solving in the free gauge and dropping observations with large errors.
 
+    A round takes from each landmark its worst observation only: a wrong one bends its
+    landmark, and good ones beside it may look wrong until it is gone.
     A landmark that is left with fewer than ``keyframes_per_landmark`` keyframes loses all its observations.
 
     Raises
@@ -66,7 +68,7 @@ def find_inliers(problem: Problem, settings: OutlierSettings, keyframes_per_land
         X_W = state.X_W.copy()
         X_W[landmarks] = solution.state.X_W
         state = State.start(solution.state.p_W, solution.state.R_WB, solution.state.v_W, X_W)
-        good = keep & (reprojection_px(problem, state) <= settings.reprojection_px)
+        good = keep & ~_worst_of_landmark(problem, state, keep, settings.reprojection_px)
         good &= _enough_keyframes(problem, good, keyframes_per_landmark)[problem.obs_landmark]
         if np.array_equal(good, keep):
             break
@@ -78,6 +80,16 @@ def find_inliers(problem: Problem, settings: OutlierSettings, keyframes_per_land
         state=state,
         rounds=rounds,
     )
+
+
+def _worst_of_landmark(
+    problem: Problem, state: State, keep: NDArray[np.bool_], largest_px: float
+) -> NDArray[np.bool_]:
+    """(M,) observations among ``keep`` with the largest error of their landmark, above ``largest_px``."""
+    error = np.where(keep, reprojection_px(problem, state), -1.0)
+    of_landmark = np.zeros(problem.initial.n_landmarks)
+    np.maximum.at(of_landmark, problem.obs_landmark, error)
+    return (error > largest_px) & (error >= of_landmark[problem.obs_landmark])
 
 
 def _enough_keyframes(problem: Problem, keep: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:

@@ -117,7 +117,7 @@ class OutlierSettings:
     """Outlier removal by solving before the gauges are compared."""
 
     reprojection_px: float = _real("px", "largest reprojection error that is kept", 0.1, 100.0, 3.0)
-    rounds: int = _count("rounds", "most rounds of solving and dropping", 0, 50, 5)
+    rounds: int = _count("rounds", "most rounds of solving and dropping", 0, 50, 15)
     sigma_px: float = _real("px", "pixel noise that these rounds assume", 0.01, 20.0, 1.0)
     density_factor: float = _real("1", "factor on the inertial densities in these rounds", 0.1, 1000.0, 4.0)
 
