@@ -40,7 +40,7 @@ def test_rectified_matches_share_their_row_and_disparity_gives_depth() -> None:
     points_C, left, right = seen_points()
     V_left, V_right = GEOMETRY.to_rectified(left, 0), GEOMETRY.to_rectified(right, 1)
     np.testing.assert_allclose(V_left[:, 1], V_right[:, 1], atol=1e-8)
-    R_VL, _, K_V = GEOMETRY._rectifying
+    R_VL, K_V = GEOMETRY.rectified.R_VC[0], GEOMETRY.rectified.K_V
     depth_V = (points_C @ R_VL.T)[:, 2]
     baseline = np.linalg.norm(GEOMETRY.left.p_BC - GEOMETRY.right.p_BC)
     np.testing.assert_allclose(GEOMETRY.disparity(left, right), K_V[0, 0] * baseline / depth_V, rtol=1e-9)

@@ -18,7 +18,7 @@ from ..so3 import Array
 from .style import COLOURS, PAGE, new_figure, note_stand_in, save_figure
 
 # Share of the flight's extent that the largest ellipse may take.
-_LARGEST_SHARE = 0.18
+_LARGEST_SHARE = 0.12
 
 
 def xy_ellipses(covariance: Array, n_keyframes: int) -> list[dict[str, float]]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import so3
-from ..camera import Camera, distort_pixels
+from ..camera import Camera, distort_pixels, undistort_pixels
 from ..so3 import Array
 from .settings import StereoSettings
 
@@ -21,6 +21,20 @@ _ROW_MARGIN_PX = 2
 _PEAK_WIDTH_PX = 4
 # How far the disparity of a track may move between keyframes: this share of it plus this many pixels.
 _DISPARITY_SHARE, _DISPARITY_MARGIN_PX = 0.35, 8.0
+
+
+@dataclass(frozen=True)
+class RectifiedView:
+    """The common view V of both cameras: x along the baseline, z nearest to both optical axes.
+
+    ``R_VC`` turns of the left and right camera into V, ``K_V`` (3, 3) its calibration matrix in
+    pixels, ``width`` and ``height`` of its image.
+    """
+
+    R_VC: tuple[Array, Array]
+    K_V: Array
+    width: int
+    height: int
 
 
 @dataclass(frozen=True)
@@ -49,36 +63,43 @@ class StereoGeometry:
         return epipolar_distance(self.fundamental, uv_left, uv_right)
 
     @cached_property
-    def _rectifying(self) -> tuple[Array, Array, Array]:
-        """(R_VL, R_VR, K_V): turns into the common rectified view V, and its calibration matrix.
-
-        x of V is along the baseline and z is nearest to both optical axes, so matching
-        points share their row.
-        """
+    def rectified(self) -> RectifiedView:
+        """The view in which matching points share their row; it holds both images whole."""
         along = -self.R_RL.T @ self.p_RL  # centre of the right camera in the left one
         x = along / np.linalg.norm(along)
         forward = np.array([0.0, 0.0, 1.0]) + self.R_RL[2]
         z = forward - (forward @ x) * x
         z /= np.linalg.norm(z)
         R_VL = np.array([x, np.cross(z, x), z])
+        R_VC = (R_VL, R_VL @ self.R_RL.T)
         focal = 0.25 * (self.left.fx + self.left.fy + self.right.fx + self.right.fy)
         K_V = np.diag([focal, focal, 1.0])
-        K_V[0, 2], K_V[1, 2] = 0.5 * (self.left.width - 1), 0.5 * (self.left.height - 1)
-        return R_VL, R_VL @ self.R_RL.T, K_V
+        # Undistorted, an image is larger than it was, and its corners must not be cut off.
+        rims = [
+            _through(K_V @ R @ np.linalg.inv(camera.K), undistort_pixels(camera, _rim(camera)))
+            for camera, R in zip((self.left, self.right), R_VC, strict=True)
+        ]
+        low = np.floor(np.min(np.concatenate(rims), axis=0))
+        high = np.ceil(np.max(np.concatenate(rims), axis=0))
+        K_V[:2, 2] = -low
+        width, height = (high - low).astype(int) + 1
+        return RectifiedView(R_VC, K_V, int(width), int(height))
 
-    def _camera(self, camera: int) -> tuple[Camera, Array, Array]:
-        R_VL, R_VR, K_V = self._rectifying
-        return (self.left, R_VL, K_V) if camera == 0 else (self.right, R_VR, K_V)
+    def _homography(self, camera: int) -> Array:
+        """(3, 3) from ideal pixels of a camera to rectified pixels."""
+        view = self.rectified
+        return view.K_V @ view.R_VC[camera] @ np.linalg.inv((self.left, self.right)[camera].K)
 
     @cached_property
     def _maps(self) -> tuple[tuple[Array, Array], ...]:
-        maps = []
-        for index in (0, 1):
-            camera, R_VC, K_V = self._camera(index)
-            size = (self.left.width, self.left.height)
-            distortion = np.array(camera.distortion)
-            maps.append(cv2.initUndistortRectifyMap(camera.K, distortion, R_VC, K_V, size, cv2.CV_32FC1))
-        return tuple(maps)
+        view = self.rectified
+        size = (view.width, view.height)
+        return tuple(
+            cv2.initUndistortRectifyMap(
+                camera.K, np.array(camera.distortion), R_VC, view.K_V, size, cv2.CV_32FC1
+            )
+            for camera, R_VC in zip((self.left, self.right), view.R_VC, strict=True)
+        )
 
     def rectified_image(self, image: Image, camera: int) -> Image:
         """The image of one camera (0 left, 1 right) seen through the rectified view."""
@@ -86,13 +107,11 @@ class StereoGeometry:
 
     def to_rectified(self, uv: Array, camera: int) -> Array:
         """Rectified pixels (M, 2) of ideal pixels (M, 2)."""
-        source, R_VC, K_V = self._camera(camera)
-        return _through(K_V @ R_VC @ np.linalg.inv(source.K), uv)
+        return _through(self._homography(camera), uv)
 
     def from_rectified(self, uv_V: Array, camera: int) -> Array:
         """Ideal pixels (M, 2) of rectified pixels (M, 2)."""
-        source, R_VC, K_V = self._camera(camera)
-        return _through(source.K @ R_VC.T @ np.linalg.inv(K_V), uv_V)
+        return _through(np.linalg.inv(self._homography(camera)), uv_V)
 
     def disparity(self, uv_left: Array, uv_right: Array) -> Array:
         """(M,) rectified disparity in px, positive for points in front of the cameras."""
@@ -110,6 +129,14 @@ def epipolar_distance(fundamental: Array, uv_first: Array, uv_second: Array) -> 
         np.hypot(line_second[:, 0], line_second[:, 1]), np.hypot(line_first[:, 0], line_first[:, 1])
     )
     return product / np.maximum(shorter, 1e-300)
+
+
+def _rim(camera: Camera) -> Array:
+    """(M, 2) pixels along the border of the raw image."""
+    u, v = np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float)
+    sides = [np.column_stack([u, np.full_like(u, end)]) for end in (0.0, camera.height - 1.0)]
+    sides += [np.column_stack([np.full_like(v, end), v]) for end in (0.0, camera.width - 1.0)]
+    return np.concatenate(sides)
 
 
 def _through(homography: Array, uv: Array) -> Array:
