@@ -31,6 +31,7 @@ FLOORS = (
     "claims",
     "tables",
     "experiment",
+    "consistency",
     "evaluation",
     "covariance",
     "levenberg_marquardt",

@@ -307,6 +307,15 @@ def assemble(
     return NormalEquations(structure, motion, pair, landmark, gradient, landmark_gradient)
 
 
+def inertial_information(problem: Problem, state: State) -> Array:
+    """(9N, 9N) share of the inertial factors in H; they do not see the landmarks."""
+    structure = Structure.of(problem)
+    n_motion = 9 * structure.n_keyframes
+    information = np.zeros((n_motion, n_motion))
+    _add_inertial(problem, structure, inertial_term(problem, state), information, np.zeros(n_motion))
+    return information
+
+
 def linearise(problem: Problem, state: State) -> NormalEquations:
     """H = J^T J and g = J^T r of Eq. (1) at a state, without any gauge."""
     structure = Structure.of(problem)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from support.stereo_tracks import texture
 
+from support.stereo_tracks import texture
 from vigauge import so3
 from vigauge.camera import distort_pixels, undistort_pixels
 from vigauge.errors import DataError

@@ -19,6 +19,7 @@ from vigauge.errors import ConfigError
 from vigauge.experiment import (
     TimedSolve,
     Trial,
+    consistency_row,
     first_solves,
     solution_row,
     solve_interleaved,
@@ -69,7 +70,7 @@ def work(options: argparse.Namespace) -> None:
             first += first_solves(solves, gauges)
             timed += solves if name == HEADLINE else []
         machine = describe_machine()
-    write_rows(options.solutions, [solution_row(s, truth) for s in first])
+    write_rows(options.solutions, [solution_row(s, truth) | consistency_row(s) for s in first])
     write_rows(options.trace, [row for s in first for row in trace_rows(s)])
     shown = [s for s in first if s.trial.labels == {"noise": HEADLINE, "trial": 0}]
     save_states(options.states, [s.solution.state for s in shown])

@@ -75,7 +75,10 @@ def work(options: argparse.Namespace) -> None:
     claims = pd.read_csv(figures / "claims.csv")
     count = claims["verdict"].value_counts()
     verdicts = ", ".join(f"{count.get(name, 0)} {name}" for name in ("holds", "differs", "not tested"))
-    note = "Paper / ours. RMSE: mean over trials; iterations: median, as Ceres counts them."
+    note = (
+        "Paper / ours. RMSE: mean over trials; iterations: median, as Ceres counts them. Problems are alike, "
+        "not the same: the paper does not give landmarks, noise or windows (see Assumptions)."
+    )
     if not euroc:
         note += f" The two sequences are a {STAND_IN}."
     short = claims[["claim", "published", "measured", "verdict"]].to_dict("records")
