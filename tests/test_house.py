@@ -47,6 +47,7 @@ FLOORS = (
     "machine",
     "configuration",
     "files",
+    "names",
     "errors",
 )
 
@@ -292,7 +293,7 @@ def test_no_file_names_a_machine() -> None:
     ("line", "bound"),
     [
         ("open('/home/someone/euroc')", True),
-        ("EUROC_ROOT=/work/shared/euroc", True),
+        ("EUROC_ROOT=/home/someone/data", True),
         ("cache in /tmp/vigauge", True),
         ("--extra-index-url http://mirror", True),
         (r"root: C:\Users\me", True),

@@ -54,7 +54,11 @@ class Gauge(Protocol):
 
 
 def orbit_tangent(state: State) -> Array:
-    """(9N + 3K, 4) U of Eq. (15): basis of the tangent of the orbit; columns (yaw, x, y, z)."""
+    """(9N + 3K, 4) U of Eq. (15): basis of the tangent of the orbit; columns (yaw in rad, x, y, z in m).
+
+    It belongs to this package's parameters: left increments in W, the first rotation as
+    Eq. (9), order of :mod:`vigauge.state`. Biases, which a gauge does not move, have zero rows.
+    """
     n, k = state.n_keyframes, state.n_landmarks
     e_z = np.array([0.0, 0.0, 1.0])
     U = np.zeros((3 * n + k, 3, 4))
@@ -146,7 +150,11 @@ class FreeGauge:
 
 @dataclass(frozen=True)
 class KeyframeGauge(FreeGauge):
-    """Position and yaw of keyframe ``index``; for covariances (solving is as in the free gauge)."""
+    """Position and heading of keyframe ``index``; for covariances (solving is as in the free gauge).
+
+    The heading is the z part of the left increment in W. At index 0 that is not what Eq. (10)
+    holds, the z part of the total increment, unless dphi_0 is zero or about z.
+    """
 
     index: int = 0
     name: str = "keyframe"
@@ -154,9 +162,14 @@ class KeyframeGauge(FreeGauge):
     def normal(self, state: State) -> Array:
         if not 0 <= self.index < state.n_keyframes:
             raise VigaugeError(f"keyframe {self.index} is not among 0..{state.n_keyframes - 1}")
-        p = 3 * self.index
-        columns = np.array([p, p + 1, p + 2, 3 * state.n_keyframes + p + 2], dtype=np.int64)
-        return _unit_columns(state, columns)
+        n, p = state.n_keyframes, 3 * self.index
+        V = np.zeros((state.n_parameters, 4))
+        V[p : p + 3, :3] = np.eye(3)
+        V[3 * n + p + 2, 3] = 1.0
+        if self.index == 0:
+            # dphi_0 turns the first keyframe by J_l(dphi_0) of its change.
+            V[3 * n : 3 * n + 3, 3] = so3.left_jacobian(state.dphi_0)[2]
+        return V
 
 
 @dataclass(frozen=True)

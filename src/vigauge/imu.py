@@ -6,7 +6,8 @@ be wrong by several sigma at 200 Hz.
 
 Noise follows the white-noise density convention: a sample taken at rate f has standard
 deviation density * sqrt(f). Every sample's share in the three increments is kept, also
-that it enters two steps, so the covariance is exact to first order.
+that it enters two steps, so the covariance of each factor is exact to first order. That
+neighbouring factors share the sample between them is left out.
 """
 
 from __future__ import annotations

@@ -10,13 +10,10 @@ import pandas as pd
 
 from .archive import load_arrays
 from .files import write_rows, write_text
+from .names import ERRORS, GAUGES
 
 Row = dict[str, object]
 
-GAUGES = ("fix", "free", "prior")
-GAUGE_NAMES = {"fix": "Gauge fixation", "free": "Free gauge", "prior": "Gauge prior"}
-ERRORS = ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps")
-STAND_IN = "rendered stand-in, not EuRoC"
 _SHORT = {"p_rmse_m": "p (m)", "phi_rmse_deg": "phi (deg)", "v_rmse_mps": "v (m/s)"}
 _BOLD = re.compile(r"\*\*(.+?)\*\*")
 
@@ -65,6 +62,12 @@ def table2(solutions: Mapping[str, Path]) -> list[Row]:
 def table3(solutions: Mapping[str, Path], source: str) -> list[Row]:
     """Table III: RMSE of each sequence and gauge; ``source`` is 'euroc' or 'rendered'."""
     return [{"sequence": row.pop("configuration"), "source": source, **row} for row in table2(solutions)]
+
+
+def trial_count(solutions: Mapping[str, Path]) -> str:
+    """Number of trials of the experiments: one number, or the range."""
+    counts = {pd.read_csv(file)["trial"].nunique() for file in solutions.values()}
+    return " to ".join(str(count) for count in sorted({min(counts), max(counts)}))
 
 
 def left_out(solutions: Mapping[str, Path]) -> str:

@@ -69,7 +69,7 @@ def test_carried_perturbation_is_that_of_the_dense_operators(chart: Chart) -> No
     projected = oblique_projector(U, V) @ carried
     assert np.abs(V.T @ projected).max() < 1e-9, "the projected perturbation lies in the gauge"
     along = np.linalg.lstsq(U, carried - projected, rcond=None)[0][0]
-    assert found.carried == (a, b)
+    assert found.carried == pytest.approx((a, b), rel=1e-12)
     assert found.projected == pytest.approx((a - along, b), abs=1e-6)
 
 

@@ -25,10 +25,10 @@ except ConfigError as error:
     raise WorkflowError(str(error))
 
 # Rules run `python -m vigauge...` with the interpreter and the sources of this workflow.
-search = {
-    "PATH": f"{Path(sys.executable).parent}:{os.environ.get('PATH', '')}",
-    "PYTHONPATH": f"{SOURCE}:{os.environ.get('PYTHONPATH', '')}".rstrip(":"),
-}
+# Where Snakemake deploys the software of a rule itself, the interpreter is that one's.
+search = {"PYTHONPATH": f"{SOURCE}:{os.environ.get('PYTHONPATH', '')}".rstrip(":")}
+if not workflow.deployment_settings.deployment_method:
+    search["PATH"] = f"{Path(sys.executable).parent}:{os.environ.get('PATH', '')}"
 exports = " ".join(f"{name}={shlex.quote(value)}" for name, value in search.items())
 shell.prefix(f"set -euo pipefail; export {exports}; ".replace("{", "{{").replace("}", "}}"))
 
@@ -52,6 +52,17 @@ def sequence_name(key):
     return f"rendered_{stand_in}"
 
 
+for role, key in config["paper"].items():
+    if key not in config["euroc"]["sequences"]:
+        raise WorkflowError(f"configuration, paper.{role}: must be one of euroc.sequences (found {key!r})")
+if len(set(config["paper"].values())) < len(config["paper"]):
+    raise WorkflowError("configuration, paper: must name two different sequences")
+unswept = sorted(set(config["figures"]["path_weights"]) - set(config["prior"]["sweep_weights"]))
+if unswept:
+    raise WorkflowError(
+        f"configuration, figures.path_weights: must be among prior.sweep_weights (found {unswept})"
+    )
+
 SEQUENCE_KEYS = {sequence_name(key): key for key in config["euroc"]["sequences"]}
 SEQUENCES = list(SEQUENCE_KEYS)
 MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
@@ -59,6 +70,13 @@ VICON_ROOM = sequence_name(config["paper"]["vicon_room"])
 
 PAPER_SEQUENCES = [MACHINE_HALL, VICON_ROOM]
 EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
+# The paper's name for a sequence, where it is one of the paper's; a stand-in is none of them.
+PUBLISHED_NAMES = {
+    name: config["euroc"]["sequences"][key]["published"]
+    for name, key in SEQUENCE_KEYS.items()
+    if EUROC_ROOT and "published" in config["euroc"]["sequences"][key]
+}
+SEQUENCES_ARE_PUBLISHED = set(PAPER_SEQUENCES) <= set(PUBLISHED_NAMES)
 # Left to right in the paper's Fig. 7.
 FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for trajectory in TRAJECTORIES]
 
@@ -66,11 +84,11 @@ PUBLISHED_FOLDER = "data/published"
 SUMMARY_FILES = ["table2", "table3", "fig07_simulation_cost", "fig11_euroc_cost"]
 SHOW_PUBLISHED = config["figures"]["show_published"]
 PUBLISHED_FLAG = f"--published {PUBLISHED_FOLDER}" if SHOW_PUBLISHED else ""
-PUBLISHED_FILES = [f"{PUBLISHED_FOLDER}/README.md"] if SHOW_PUBLISHED else []
-# A stand-in is not set beside the paper's EuRoC results.
+# Stand-ins and other sequences are not set beside the paper's EuRoC results.
 FIGURE11_PUBLISHED = (
-    f"{PUBLISHED_FLAG} --published-file fig11_euroc_cost.csv --published-names MH VI"
-    if SHOW_PUBLISHED and EUROC_ROOT
+    f"{PUBLISHED_FLAG} --published-file fig11_euroc_cost.csv"
+    f" --published-names {' '.join(PUBLISHED_NAMES[name] for name in PAPER_SEQUENCES)}"
+    if SHOW_PUBLISHED and SEQUENCES_ARE_PUBLISHED
     else ""
 )
 
@@ -189,8 +207,9 @@ if EUROC_ROOT and not Path(EUROC_ROOT).is_dir():
 
 
 def whole_configuration():
-    """The configuration as JSON."""
-    return json.dumps(config, sort_keys=True)
+    """The configuration as JSON, without the folder where a machine keeps EuRoC."""
+    euroc = {**config["euroc"], "root": ""}
+    return json.dumps({**config, "euroc": euroc}, sort_keys=True)
 
 
 def paper_targets():
@@ -207,3 +226,8 @@ def folder_of_output(wildcards, output):
 
 def folder_of_published(wildcards, input):
     return os.path.dirname(input.published[0])
+
+
+def published(*names):
+    """Files of the paper's numbers that a rule shows, so that a correction of one reruns it."""
+    return [f"{PUBLISHED_FOLDER}/{name}.csv" for name in names] if SHOW_PUBLISHED else []

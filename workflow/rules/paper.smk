@@ -18,6 +18,8 @@ FIGURES = {
 
 rule environment:
     input:
+        timings=expand("data/solutions/{name}/timing.json", name=[*CONFIGURATIONS, *SEQUENCES]),
+        reports=expand("data/sequences/{name}/report.json", name=SEQUENCES),
         code=code_of("environment"),
     output:
         report(f"{OUT}/environment.json", caption="../report/environment.rst", category="Environment"),
@@ -28,12 +30,14 @@ rule environment:
     params:
         config=whole_configuration(),
         checkout=os.path.relpath(ROOT),
-        sequences=[f"--sequence {name}={SOURCE_OF_SEQUENCES}" for name in SEQUENCES],
+        source=SOURCE_OF_SEQUENCES,
+        reports=expand("{name}=data/sequences/{name}/report.json", name=SEQUENCES),
     message:
         "Recording versions, machine and configuration"
     shell:
         "python -m vigauge.cli.environment --config {params.config:q} --checkout {params.checkout:q}"
-        " {params.sequences} --output {output:q} --log {log:q}"
+        " --source {params.source} --reports {params.reports:q} --timings {input.timings:q}"
+        " --output {output:q} --log {log:q}"
 
 
 rule table1:
@@ -58,7 +62,7 @@ rule table1:
 rule table2:
     input:
         solutions=expand("data/solutions/{name}/solutions.csv", name=CONFIGURATIONS),
-        published=PUBLISHED_FILES,
+        published=published("table2"),
         code=code_of("tables"),
     output:
         csv=report(f"{OUT}/table2.csv", caption="../report/table2.rst", category="Tables"),
@@ -80,8 +84,9 @@ rule table2:
 
 rule table3:
     input:
-        solutions=expand("data/solutions/{name}/solutions.csv", name=PAPER_SEQUENCES),
-        published=PUBLISHED_FILES,
+        solutions=expand("data/solutions/{name}/solutions.csv", name=SEQUENCES),
+        reports=expand("data/sequences/{name}/report.json", name=SEQUENCES),
+        published=published("table3"),
         code=code_of("tables"),
     output:
         csv=report(f"{OUT}/table3.csv", caption="../report/table3.rst", category="Tables"),
@@ -92,13 +97,16 @@ rule table3:
     conda:
         "../envs/vigauge.yaml"
     params:
-        named=expand("{name}=data/solutions/{name}/solutions.csv", name=PAPER_SEQUENCES),
+        named=expand("{name}=data/solutions/{name}/solutions.csv", name=SEQUENCES),
+        reports=expand("{name}=data/sequences/{name}/report.json", name=SEQUENCES),
+        names=[f"{name}={theirs}" for name, theirs in PUBLISHED_NAMES.items()],
         published=PUBLISHED_FLAG,
         source=SOURCE_OF_SEQUENCES,
     message:
         "Table III"
     shell:
         "python -m vigauge.cli.tables --table 3 --solutions {params.named:q} {params.published}"
+        " --reports {params.reports:q} --published-names {params.names:q}"
         " --source {params.source} --output {output.csv:q} --log {log:q}"
 
 
@@ -175,7 +183,7 @@ rule figure_prior:
         sweep="data/prior_sweep/sweep.csv",
         timing="data/prior_sweep/timing.csv",
         trace="data/prior_sweep/trace.csv",
-        published=PUBLISHED_FILES,
+        published=published("fig04_prior_weight_rmse", "fig05_prior_weight_cost", "fig06_prior_error_paths"),
         code=code_of("figure_prior"),
     output:
         accuracy=report(f"{OUT}/{FIGURES['fig04']}.png", caption="../report/fig04.rst", category="Figures"),
@@ -202,7 +210,7 @@ rule figure_prior:
 rule figure_simulation_cost:
     input:
         expand("data/solutions/{name}/{file}.csv", name=FIGURE7_ORDER, file=["solutions", "timing"]),
-        published=PUBLISHED_FILES,
+        published=published("fig07_simulation_cost"),
         code=code_of("figure_cost"),
     output:
         png=report(f"{OUT}/{FIGURES['fig07']}.png", caption="../report/fig07.rst", category="Figures"),
@@ -265,7 +273,7 @@ rule figure_covariance_sequence:
 rule figure_sequence_cost:
     input:
         expand("data/solutions/{name}/{file}.csv", name=PAPER_SEQUENCES, file=["solutions", "timing"]),
-        published=PUBLISHED_FILES,
+        published=published("fig11_euroc_cost"),
         code=code_of("figure_cost"),
     output:
         png=report(f"{OUT}/{FIGURES['fig11']}.png", caption="../report/fig11.rst", category="Figures"),
@@ -318,6 +326,7 @@ rule summary:
     input:
         f"{OUT}/table2.csv",
         f"{OUT}/table3.csv",
+        f"{OUT}/table3.md",
         f"{OUT}/{FIGURES['fig07']}.csv",
         f"{OUT}/{FIGURES['fig11']}.csv",
         f"{OUT}/claims.csv",
@@ -333,16 +342,18 @@ rule summary:
         artefacts=folder_of_output,
         published=folder_of_published,
         source=SOURCE_OF_SEQUENCES,
+        names=[f"{name}={theirs}" for name, theirs in PUBLISHED_NAMES.items()],
     message:
         "Paper and reproduction side by side"
     shell:
         "python -m vigauge.cli.summary --artefacts {params.artefacts:q} --published {params.published:q}"
-        " --source {params.source} --output {output:q} --log {log:q}"
+        " --source {params.source} --published-names {params.names:q} --output {output:q} --log {log:q}"
 
 
 rule readme:
     input:
         summary=f"{OUT}/summary.md",
+        figure=f"{OUT}/{FIGURES['fig09']}.png",
         code=code_of("readme"),
     output:
         touch("data/readme.done"),
@@ -352,7 +363,9 @@ rule readme:
         "../envs/vigauge.yaml"
     params:
         readme=os.path.relpath(ROOT / "README.md"),
+        shown=os.path.relpath(ROOT / "docs/covariance.png"),
     message:
         "Putting the summary into README.md"
     shell:
-        "python -m vigauge.cli.readme --summary {input.summary:q} --readme {params.readme:q} --log {log:q}"
+        "python -m vigauge.cli.readme --summary {input.summary:q} --readme {params.readme:q}"
+        " --figure {input.figure:q} --shown {params.shown:q} --log {log:q}"

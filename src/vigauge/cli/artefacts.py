@@ -6,11 +6,17 @@ import argparse
 from pathlib import Path
 
 
+def named_text(text: str) -> tuple[str, str]:
+    """NAME=TEXT of the command line."""
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise argparse.ArgumentTypeError(f"must be NAME=VALUE, not {text!r}")
+    return name, value
+
+
 def named_file(text: str) -> tuple[str, Path]:
     """NAME=FILE of the command line."""
-    name, equals, file = text.partition("=")
-    if not equals or not name or not file:
-        raise argparse.ArgumentTypeError(f"must be NAME=FILE, not {text!r}")
+    name, file = named_text(text)
     return name, Path(file)
 
 

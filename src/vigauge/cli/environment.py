@@ -1,4 +1,7 @@
-"""Record what the results were made with: versions, machine, configuration, commit, data sources."""
+"""Record what the results were made with: versions, machine, configuration, commit, data sources.
+
+Machine and versions are those that the timed solves recorded, not those of this command.
+"""
 
 from __future__ import annotations
 
@@ -7,36 +10,49 @@ import hashlib
 import json
 import subprocess
 from pathlib import Path
+from typing import Any
 
-from threadpoolctl import threadpool_limits
-
-from vigauge.cli.stage import json_argument, parser, run
+from vigauge.cli.artefacts import named_file
+from vigauge.cli.stage import LOG, json_argument, parser, run
+from vigauge.errors import DataError
 from vigauge.files import write_json
-from vigauge.machine import describe_machine, versions
 
 
 def commit_of(folder: Path) -> str:
-    """Commit that the folder's checkout stands at, marked where files differ from it."""
+    """Commit of the folder's checkout, marked where files differ from it, or why there is none."""
     command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
     try:
-        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "not a git checkout"
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
+    except OSError as error:
+        return f"unknown: {error}"
+    return done.stdout.strip() or f"unknown: {done.stderr.strip()}"
+
+
+def _agreed(files: list[Path]) -> dict[str, Any]:
+    """Machine and versions of the timed solves; DataError where they were made in different ways."""
+    records = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+    for file, record in zip(files, records, strict=True):
+        if record["versions"] != records[0]["versions"]:
+            raise DataError(file, f"versions must be those of {files[0]}", value=record["versions"])
+        if record["machine"]["processor"] != records[0]["machine"]["processor"]:
+            LOG.warning("%s was timed on another processor than %s", file, files[0])
+    return dict(records[0])
 
 
 def work(options: argparse.Namespace) -> None:
     config = json.dumps(options.config, sort_keys=True).encode()
-    with threadpool_limits(limits=1):
-        machine = describe_machine()
+    reports = {name: json.loads(file.read_text(encoding="utf-8")) for name, file in options.reports}
     write_json(
         options.output,
         {
-            "versions": versions(),
-            "machine": machine,
+            **_agreed(options.timings),
             "seed": options.config["simulation"]["seed"],
             "config_sha256": hashlib.sha256(config).hexdigest(),
             "commit": commit_of(options.checkout),
-            "sequences": dict(entry.split("=", 1) for entry in options.sequence),
+            "sequences": {
+                name: {"source": options.source, "truth": report["truth"], "biases": report["biases"]}
+                for name, report in reports.items()
+            },
         },
     )
 
@@ -45,7 +61,9 @@ def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--config", type=json_argument, required=True, help="the whole configuration")
     arguments.add_argument("--checkout", type=Path, required=True, help="folder of the project")
-    arguments.add_argument("--sequence", action="append", default=[], help="NAME=euroc or NAME=rendered")
+    arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
+    arguments.add_argument("--reports", type=named_file, nargs="+", required=True, help="NAME=report.json")
+    arguments.add_argument("--timings", type=Path, nargs="+", required=True, help="timing.json of the solves")
     arguments.add_argument("--output", type=Path, required=True)
     run(work, arguments)
 

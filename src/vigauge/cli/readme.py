@@ -1,13 +1,14 @@
-"""Put the paper-versus-ours table that the pipeline made into the README, between its two marks."""
+"""Put the paper-versus-ours table that the pipeline made into the README, and the figure it shows."""
 
 from __future__ import annotations
 
 import argparse
+import shutil
 from pathlib import Path
 
 from vigauge.cli.stage import parser, run
 from vigauge.errors import DataError
-from vigauge.files import write_text
+from vigauge.files import atomic_path, write_text
 
 BEGIN = "<!-- results: made by `snakemake --cores 2 readme` -->"
 END = "<!-- end of results -->"
@@ -27,12 +28,16 @@ def work(options: argparse.Namespace) -> None:
     summary = options.summary.read_text(encoding="utf-8")
     readme = options.readme.read_text(encoding="utf-8")
     write_text(options.readme, insert(readme, summary, str(options.readme)))
+    with atomic_path(options.shown) as temporary:
+        shutil.copyfile(options.figure, temporary)
 
 
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--summary", type=Path, required=True, help="table made from the result files")
     arguments.add_argument("--readme", type=Path, required=True, help="file to update")
+    arguments.add_argument("--figure", type=Path, required=True, help="figure that the README shows")
+    arguments.add_argument("--shown", type=Path, required=True, help="where the README has it")
     run(work, arguments)
 
 

@@ -30,9 +30,8 @@ from vigauge.files import write_json, write_rows
 from vigauge.gauge import three_gauges
 from vigauge.levenberg_marquardt import Options
 from vigauge.machine import describe_machine, versions
+from vigauge.names import HEADLINE
 from vigauge.problem import Problem
-
-HEADLINE = "headline"
 
 
 def _trials(problems: list[Problem], noise: dict[str, dict[str, float]]) -> dict[str, list[Trial]]:

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
+from vigauge.cli.artefacts import named_text
 from vigauge.cli.stage import parser, run
 from vigauge.files import write_text
-from vigauge.tables import STAND_IN, markdown
+from vigauge.names import ERRORS, STAND_IN
+from vigauge.tables import markdown
 
 Row = dict[str, object]
-_ERRORS = ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps")
 
 
-def _pair(theirs: float, ours: float) -> str:
-    return f"{theirs:.4g} / {ours:.4g}"
+def _pair(theirs: Any, case: str | None, gauge: str, ours: float) -> str:
+    published = "-" if case is None else f"{float(theirs[(case, gauge)]):.4g}"
+    return f"{published} / {ours:.4g}"
 
 
 def _rows(
-    table: Path, cost: Path, published_table: Path, published_cost: Path, names: dict[str, str], compare: bool
+    table: Path, cost: Path, published_table: Path, published_cost: Path, names: dict[str, str | None]
 ) -> list[Row]:
-    """One row a case and gauge: paper / ours for errors and median iterations."""
+    """One row a case and gauge: paper / ours for errors and median iterations.
+
+    ``names`` maps a case to the paper's, or to None where the paper has no such case.
+    """
     ours = pd.read_csv(table)
     ours = ours.set_index([ours.columns[0], "gauge"])
     counts = pd.read_csv(cost).query("quantity == 'iterations'").set_index(["experiment", "gauge"])["median"]
@@ -34,17 +40,10 @@ def _rows(
     for case, their_case in names.items():
         for gauge in ("fix", "free"):
             row: Row = {"case": case.replace("_", " "), "gauge": gauge}
-            for error, unit in zip(_ERRORS, ("position, m", "rotation, deg", "velocity, m/s"), strict=True):
+            for error, unit in zip(ERRORS, ("position, m", "rotation, deg", "velocity, m/s"), strict=True):
                 value = float(ours.loc[(case, gauge), error])
-                row[unit] = (
-                    _pair(float(theirs.loc[(their_case, gauge), error]), value)
-                    if compare
-                    else f"- / {value:.4g}"
-                )
-            count = float(counts[(case, gauge)])
-            row["iterations"] = (
-                _pair(float(their_counts[(their_case, gauge)]), count) if compare else f"- / {count:g}"
-            )
+                row[unit] = _pair(theirs[error], their_case, gauge, value)
+            row["iterations"] = _pair(their_counts, their_case, gauge, float(counts[(case, gauge)]))
             rows.append(row)
     return rows
 
@@ -52,8 +51,8 @@ def _rows(
 def work(options: argparse.Namespace) -> None:
     figures, published = options.artefacts, options.published
     simulation = list(dict.fromkeys(pd.read_csv(figures / "table2.csv")["configuration"]))
-    sequences = list(dict.fromkeys(pd.read_csv(figures / "table3.csv")["sequence"]))
-    euroc = options.source == "euroc"
+    sequences = list(dict.fromkeys(pd.read_csv(figures / "fig11_euroc_cost.csv")["experiment"]))
+    theirs = dict(options.published_names)
     parts = [
         _rows(
             figures / "table2.csv",
@@ -61,15 +60,13 @@ def work(options: argparse.Namespace) -> None:
             published / "table2.csv",
             published / "fig07_simulation_cost.csv",
             {name: name for name in simulation},
-            True,
         ),
         _rows(
             figures / "table3.csv",
             figures / "fig11_euroc_cost.csv",
             published / "table3.csv",
             published / "fig11_euroc_cost.csv",
-            dict(zip(sequences, ("MH", "VI"), strict=True)),
-            euroc,
+            {name: theirs.get(name) for name in sequences},
         ),
     ]
     claims = pd.read_csv(figures / "claims.csv")
@@ -79,8 +76,9 @@ def work(options: argparse.Namespace) -> None:
         "Paper / ours. RMSE: mean over trials; iterations: median, as Ceres counts them. Problems are alike, "
         "not the same: the paper does not give landmarks, noise or windows (see Assumptions)."
     )
-    if not euroc:
+    if options.source == "rendered":
         note += f" The two sequences are a {STAND_IN}."
+    note += "\n\nSequences: " + (figures / "table3.md").read_text(encoding="utf-8").strip().splitlines()[-1]
     short = claims[["claim", "published", "measured", "verdict"]].to_dict("records")
     text = markdown(parts[0] + parts[1], note) + f"\nClaims: {verdicts}.\n\n" + markdown(short)
     write_text(options.output, text)
@@ -93,6 +91,13 @@ def main() -> None:
     )
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
+    arguments.add_argument(
+        "--published-names",
+        type=named_text,
+        nargs="*",
+        default=[],
+        help="NAME=the paper's name of a sequence",
+    )
     arguments.add_argument("--output", type=Path, required=True)
     run(work, arguments)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
-from vigauge.cli.artefacts import add_published, named_file, stem_of
+from vigauge.cli.artefacts import add_published, named_file, named_text, stem_of
 from vigauge.cli.stage import parser, run
-from vigauge.tables import STAND_IN, left_out, table1, table2, table3, wide_errors, write_table
+from vigauge.names import STAND_IN
+from vigauge.tables import left_out, table1, table2, table3, trial_count, wide_errors, write_table
 
 _BOLD = "Bold: the smaller of fixation and free."
 
@@ -22,15 +24,26 @@ def work(options: argparse.Namespace) -> None:
     beside = " In brackets: the paper." if published else ""
     if options.table == 2:
         rows = table2(solutions)
-        note = f"RMSE in m, deg, m/s; means over the trials. {_BOLD}{beside}{left_out(solutions)}"
+        what = f"RMSE in m, deg, m/s; means over {trial_count(solutions)} trials."
+        note = f"{what} {_BOLD}{beside}{left_out(solutions)}"
         write_table(rows, options.output, wide_errors(rows, published), note)
         return
     rows = table3(solutions, options.source)
-    euroc = options.source == "euroc"
-    names = dict(zip(solutions, ("MH", "VI"), strict=True)) if euroc else {}
-    what = "RMSE in m, deg, m/s" if euroc else f"RMSE in m, deg, m/s; {STAND_IN}"
-    note = f"{what}. {_BOLD}{beside if euroc else ''}{left_out(solutions)}"
-    write_table(rows, options.output, wide_errors(rows, published if euroc else None, names), note)
+    names = dict(options.published_names)
+    what = "RMSE in m, deg, m/s" if options.source == "euroc" else f"RMSE in m, deg, m/s; {STAND_IN}"
+    note = f"{what}. {_BOLD}{beside if names else ''}{left_out(solutions)} {_truths(options.reports)}"
+    write_table(rows, options.output, wide_errors(rows, published if names else None, names), note)
+
+
+def _truths(reports: list[tuple[str, Path]]) -> str:
+    """A sentence on what each sequence was evaluated against, from the front-end's reports."""
+    parts = []
+    for name, file in reports:
+        report = json.loads(file.read_text(encoding="utf-8"))
+        parts.append(
+            f"{name}: {report['keyframes']} keyframes, truth {report['truth']}, biases {report['biases']}"
+        )
+    return "; ".join(parts) + "."
 
 
 def main() -> None:
@@ -45,6 +58,16 @@ def main() -> None:
     )
     arguments.add_argument(
         "--output", type=stem_of, required=True, help="the CSV; Markdown and LaTeX go beside it"
+    )
+    arguments.add_argument(
+        "--reports",
+        type=named_file,
+        nargs="+",
+        default=[],
+        help="Table III: NAME=report.json of the front-end",
+    )
+    arguments.add_argument(
+        "--published-names", type=named_text, nargs="*", default=[], help="Table III: NAME=the paper's name"
     )
     add_published(arguments)
     run(work, arguments)

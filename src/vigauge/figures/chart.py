@@ -120,9 +120,19 @@ def carry_perturbation(chart: Chart, a: float, b: float) -> CarriedPerturbation:
     moved, yaw = gauge.meet(theta, chart.problem.initial)
     U, U_moved = orbit_tangent(theta), orbit_tangent(moved)
     shift = np.concatenate([[1.0], -np.cross([0.0, 0.0, 1.0], chart.pivot_W)])  # turn about the pivot
-    perturbation = a * (U @ shift) + b * chart.direction
-    blocks = transfer_blocks(theta, moved, yaw, len(perturbation) // 3)
-    carried = (blocks @ perturbation.reshape(-1, 3, 1)).ravel()
+    blocks = transfer_blocks(theta, moved, yaw, len(chart.direction) // 3)
+
+    def carry(vector: Array) -> Array:
+        return (blocks @ vector.reshape(-1, 3, 1)).ravel()
+
+    carried = carry(a * (U @ shift) + b * chart.direction)
     V = gauge.normal(moved)
-    along = np.linalg.solve(V.T @ U_moved, V.T @ carried)
-    return CarriedPerturbation((a, b), (a, b), (a - float(along[0]), b), yaw)
+    projected = carried - U_moved @ np.linalg.solve(V.T @ U_moved, V.T @ carried)
+    basis = np.column_stack([U_moved, carry(chart.direction)])
+    return CarriedPerturbation((a, b), _coordinates(carried, basis), _coordinates(projected, basis), yaw)
+
+
+def _coordinates(vector: Array, basis: Array) -> tuple[float, float]:
+    """(alpha, s) of a tangent vector: its coefficients on the first (yaw) and last column of a basis."""
+    coefficients = np.linalg.lstsq(basis, vector, rcond=None)[0]
+    return float(coefficients[0]), float(coefficients[-1])

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 
 from ..files import write_rows
+from ..names import GAUGES
 from .statistics import box_row, converged_only, from_row, time_per_iteration_ratios, timing_of
 from .style import (
     COLOURS,
     COLUMN,
-    GAUGES,
     LABELS,
     MARKERS,
     PAGE,

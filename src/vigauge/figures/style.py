@@ -20,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..files import atomic_path
+from ..names import STAND_IN
 
 # Width of one and of two columns, inches.
 COLUMN = 3.5
@@ -29,10 +30,7 @@ PAGE = 7.16
 COLOURS = {"fix": "#0072B2", "free": "#D55E00", "prior": "#009E73"}
 MARKERS = {"fix": "o", "free": "s", "prior": "^"}
 LABELS = {"fix": "Fix", "free": "Free", "prior": "Prior"}
-GAUGES = ("fix", "free", "prior")
 PUBLISHED = "#8C8C8C"
-
-STAND_IN = "rendered stand-in, not EuRoC"
 
 _STYLE = {
     "font.size": 8,

@@ -17,11 +17,11 @@ import yaml
 from .. import so3
 from ..camera import Camera
 from ..errors import DataError
+from ..names import STAND_IN
 from ..so3 import Array
 from .flight import EUROC_BIAS_WALK, EUROC_CAMERA_RATE_HZ, EUROC_IMU_RATE_HZ
 from .rendering import START_NS, RenderedSequence
 
-NOTICE = "rendered stand-in, not EuRoC"
 # The fastest that is still half the size of raw pixels (noise hardly compresses); without loss.
 _PNG_OPTIONS = [
     cv2.IMWRITE_PNG_COMPRESSION,
@@ -75,7 +75,7 @@ def write_asl_folder(
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     description = {
-        "notice": NOTICE,
+        "notice": STAND_IN,
         "scene": scene_name,
         "settings": asdict(sequence.settings),
         "versions": dict(versions),
@@ -86,7 +86,7 @@ def write_asl_folder(
 def _is_rendered(mav0: Path) -> bool:
     """Whether a sequence says of itself that it was rendered."""
     body = mav0 / "body.yaml"
-    return body.is_file() and NOTICE in body.read_text(encoding="utf-8")
+    return body.is_file() and STAND_IN in body.read_text(encoding="utf-8")
 
 
 def _write_mav0(sequence: RenderedSequence, mav0: Path, progress: Progress) -> None:
@@ -102,7 +102,7 @@ def _write_mav0(sequence: RenderedSequence, mav0: Path, progress: Progress) -> N
                 raise DataError(path, "image must be writable")
     _write_imu(sequence, mav0 / "imu0")
     _write_truth(sequence, mav0 / "state_groundtruth_estimate0")
-    _write_yaml(mav0 / "body.yaml", {"comment": NOTICE})
+    _write_yaml(mav0 / "body.yaml", {"comment": STAND_IN})
 
 
 def _write_yaml(path: Path, content: dict[str, Any]) -> None:
@@ -116,7 +116,7 @@ def _transformation(T: Array) -> dict[str, Any]:
 def _camera_description(name: str, camera: Camera) -> dict[str, Any]:
     return {
         "sensor_type": "camera",
-        "comment": f"{name} of a {NOTICE}; EuRoC's calibration",
+        "comment": f"{name} of a {STAND_IN}; EuRoC's calibration",
         "T_BS": _transformation(camera.T_BC),
         "rate_hz": EUROC_CAMERA_RATE_HZ,
         "resolution": [camera.width, camera.height],
@@ -139,7 +139,7 @@ def _write_imu(sequence: RenderedSequence, folder: Path) -> None:
     _write_table(folder / "data.csv", _IMU_COLUMNS, samples.t_ns, np.hstack([samples.gyro, samples.accel]))
     description = {
         "sensor_type": "imu",
-        "comment": f"inertial sensor of a {NOTICE}",
+        "comment": f"inertial sensor of a {STAND_IN}",
         "T_BS": _transformation(np.eye(4)),
         "rate_hz": EUROC_IMU_RATE_HZ,
         "gyroscope_noise_density": sequence.imu_noise.gyro_density,
@@ -165,5 +165,5 @@ def _write_truth(sequence: RenderedSequence, folder: Path) -> None:
     ]
     _write_table(folder / "data.csv", _TRUTH_COLUMNS, t_ns, np.hstack(columns))
     _write_yaml(
-        folder / "sensor.yaml", {"sensor_type": "visual-inertial", "comment": f"exact truth of a {NOTICE}"}
+        folder / "sensor.yaml", {"sensor_type": "visual-inertial", "comment": f"exact truth of a {STAND_IN}"}
     )
