@@ -16,7 +16,7 @@ from scipy.stats import chi2
 
 from vigauge import so3
 from vigauge.camera import Camera, distort_pixels
-from vigauge.errors import ConfigError
+from vigauge.errors import ConfigError, DataError
 from vigauge.euroc.ground_truth import read_ground_truth
 from vigauge.euroc.images import read_image
 from vigauge.euroc.sequence import read_sequence
@@ -265,9 +265,9 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_what_is_written_reads_back_and_same_seed_gives_same_bytes(tmp_path):
     """Catches digits lost on the way, pictures under the wrong stamp, and anything unseeded."""
     sequence = short("room")
-    write_asl_folder(sequence, "room", tmp_path / "a")
+    write_asl_folder(sequence, "room", tmp_path / "a", {"vigauge": "x"})
     again = render_sequence("room", SHORT)
-    write_asl_folder(again, "room", tmp_path / "b")
+    write_asl_folder(again, "room", tmp_path / "b", {"vigauge": "x"})
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
 
     read = read_sequence(tmp_path / "a")
@@ -346,3 +346,15 @@ def test_stage_writes_a_sequence_and_refuses_bad_settings(tmp_path):
         assert done.returncode == 2
         assert said in done.stderr and "Traceback" not in done.stderr
         assert not (tmp_path / "no").exists()
+
+
+def test_real_data_are_never_replaced(tmp_path: Path) -> None:
+    """A rendering written over a sequence that was recorded."""
+    image = tmp_path / "mav0" / "cam0" / "data" / "1.png"
+    image.parent.mkdir(parents=True)
+    image.write_bytes(b"recorded")
+    sequence = render_sequence("room", RenderSettings(duration_s=0.5))
+    with pytest.raises(DataError, match="real data are never replaced"):
+        write_asl_folder(sequence, "room", tmp_path, {})
+    assert image.read_bytes() == b"recorded"
+    assert not (tmp_path / "rendered.json").exists()

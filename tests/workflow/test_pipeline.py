@@ -92,7 +92,7 @@ def test_second_run_has_nothing_to_do(smoke_project: Path) -> None:
         (
             "covariance.py",
             {"covariance_simulation", "covariance_sequence"},
-            {"simulate", "render", "solve_simulation"},
+            {"simulate", "render", "front_end", "prior_sweep"},
         ),
         (
             "figures/style.py",
@@ -118,7 +118,12 @@ def test_editing_a_module_reruns_what_uses_it_and_no_other_rule(
     ("key", "value", "reruns", "stays"),
     [
         ("simulation.sigma_px", "1.5", {"simulate"}, {"render", "front_end", "solve_sequence"}),
-        ("prior.sweep_weights", '["0","9"]', {"prior_sweep"}, {"simulate", "solve_simulation", "front_end"}),
+        (
+            "prior.sweep_weights",
+            '["0","7","100","500","9e9","1e8"]',
+            {"prior_sweep"},
+            {"simulate", "solve_simulation", "front_end"},
+        ),
         (
             "timing.repeats_sequence",
             "4",
