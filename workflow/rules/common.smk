@@ -62,6 +62,14 @@ EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
 FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for trajectory in TRAJECTORIES]
 
 PUBLISHED_FOLDER = "data/published"
+LEDGER_FILES = [
+    "claims.csv",
+    "claims.md",
+    "claims_why.csv",
+    "claims_statistics.csv",
+    "summary.md",
+    "environment.json",
+]
 SUMMARY_FILES = ["table2", "table3", "fig07_simulation_cost", "fig11_euroc_cost"]
 SHOW_PUBLISHED = config["figures"]["show_published"]
 PUBLISHED_FLAG = f"--published {PUBLISHED_FOLDER}" if SHOW_PUBLISHED else ""
@@ -97,7 +105,8 @@ def code_of(stage):
     graph = import_graph()
     command = f"vigauge.cli.{stage}"
     modules = {command} | graph.find_upstream_modules(command)
-    files = [SOURCE.joinpath(*module.split(".")).with_suffix(".py") for module in modules]
+    stems = [SOURCE.joinpath(*module.split(".")) for module in modules]
+    files = [stem / "__init__.py" if stem.is_dir() else stem.with_suffix(".py") for stem in stems]
     return sorted(os.path.relpath(file) for file in files if file.is_file())
 
 
@@ -196,7 +205,7 @@ def paper_targets():
     """Everything in paper_figures/."""
     tables = [f"{OUT}/table{number}.{ending}" for number in (1, 2, 3) for ending in ("csv", "md", "tex")]
     figures = [f"{OUT}/{name}.{ending}" for name in FIGURES.values() for ending in ("pdf", "png")]
-    ledger = [f"{OUT}/{name}" for name in ("claims.csv", "claims.md", "summary.md", "environment.json")]
+    ledger = [f"{OUT}/{name}" for name in LEDGER_FILES]
     return [*tables, *figures, *ledger]
 
 
