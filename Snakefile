@@ -15,6 +15,7 @@ include: "workflow/rules/sequences.smk"
 include: "workflow/rules/solve.smk"
 include: "workflow/rules/covariance.smk"
 include: "workflow/rules/reasons.smk"
+include: "workflow/rules/sensitivity.smk"
 include: "workflow/rules/paper.smk"
 
 

@@ -1,5 +1,6 @@
 """What the other files of this folder share: names, sources of sequences, sections of the configuration."""
 
+import hashlib
 import json
 import os
 import re
@@ -62,6 +63,8 @@ EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
 FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for trajectory in TRAJECTORIES]
 
 PUBLISHED_FOLDER = "data/published"
+# Made by a target of its own; the ledger shows it where it is there.
+SENSITIVITY = "data/sensitivity/summary.csv"
 LEDGER_FILES = [
     "claims.csv",
     "claims.md",
@@ -89,6 +92,8 @@ wildcard_constraints:
     sequence="|".join(re.escape(name) for name in SEQUENCES),
     experiment="|".join(re.escape(name) for name in [*CONFIGURATIONS, *SEQUENCES]),
     scene="hall|room",
+    parameter="|".join(config["sensitivity"]["values"]),
+    value="[0-9.e-]+",
 
 
 @cache
@@ -207,6 +212,20 @@ def paper_targets():
     figures = [f"{OUT}/{name}.{ending}" for name in FIGURES.values() for ending in ("pdf", "png")]
     ledger = [f"{OUT}/{name}" for name in LEDGER_FILES]
     return [*tables, *figures, *ledger]
+
+
+def sensitivity_flag():
+    """Shows the sensitivity sweep in the ledger where someone has made it.
+
+    Not an input: the ledger would then remake a sweep that is only made when asked for.
+    """
+    return f"--sensitivity {SENSITIVITY}" if os.path.isfile(SENSITIVITY) else ""
+
+
+def sensitivity_digest():
+    """Changes with the sweep's summary, so that the ledger is written again."""
+    file = Path(SENSITIVITY)
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
 
 
 def folder_of_output(wildcards, output):

@@ -316,6 +316,8 @@ rule claims:
         sequences=PAPER_SEQUENCES,
         source=SOURCE_OF_SEQUENCES,
         criteria=section("claims"),
+        sensitivity=sensitivity_flag(),
+        sensitivity_digest=sensitivity_digest(),
     message:
         "Judging the paper's claims"
     shell:
@@ -324,7 +326,7 @@ rule claims:
         " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --sequences {params.sequences:q}"
         " --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q}"
-        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q} --log {log:q}"
+        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q} {params.sensitivity} --log {log:q}"
 
 
 rule summary:

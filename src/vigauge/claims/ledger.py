@@ -16,7 +16,7 @@ Row = dict[str, object]
 
 CLAIMS: tuple[Claim, ...] = (*THEORY, *PRIOR_WEIGHT, *ACCURACY, *COST, *COVARIANCE, *SEQUENCES)
 
-_VERDICTS = {True: "holds", False: "differs", None: "not tested"}
+VERDICTS = {True: "holds", False: "differs", None: "not tested"}
 
 
 def ledger(evidence: Evidence) -> list[Row]:
@@ -35,7 +35,7 @@ def ledger(evidence: Evidence) -> list[Row]:
                 "published": claim.published,
                 "measured": measured,
                 "criterion": claim.criterion,
-                "verdict": _VERDICTS[None if holds is None else bool(holds)],
+                "verdict": VERDICTS[None if holds is None else bool(holds)],
             }
         )
     return rows

@@ -6,7 +6,10 @@ import argparse
 import json
 from pathlib import Path
 
+import pandas as pd
+
 from vigauge.claims import Criteria, Evidence, explanations, ledger, paired_statistics
+from vigauge.claims.sensitivity import ranges
 from vigauge.cli.artefacts import named_file
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.files import write_rows, write_text
@@ -44,9 +47,23 @@ def work(options: argparse.Namespace) -> None:
     write_rows(options.output, rows)
     write_rows(options.why, why)
     write_rows(options.statistics, paired_statistics(evidence))
-    write_text(options.output.with_suffix(".md"), markdown(rows, note) + "\n## Why\n\n" + markdown(why))
+    page = markdown(rows, note) + "\n## Why\n\n" + markdown(why)
+    if options.sensitivity:
+        page += "\n## Where in the range of our assumptions\n\n" + _ranges(options.sensitivity)
+    write_text(options.output.with_suffix(".md"), page)
     for row in rows:
         LOG.info("%-10s %s: %s", row["verdict"], row["claim"], row["measured"])
+
+
+def _ranges(summary: Path) -> str:
+    """The sensitivity sweep: where each claim holds, and how near Table II each setting comes."""
+    table = pd.read_csv(summary, dtype={"value": str})
+    columns = ["parameter", "value", "rmse_ratio", "rmse_ratio_low", "rmse_ratio_high"]
+    near = table[columns].drop_duplicates().to_dict("records")
+    note = "RMSE of fixation over the paper's Table II: geometric mean, smallest and largest of 18."
+    return (
+        markdown(ranges(table)) + "\n" + markdown([{str(k): v for k, v in row.items()} for row in near], note)
+    )
 
 
 def main() -> None:
@@ -71,6 +88,9 @@ def main() -> None:
     arguments.add_argument("--output", type=Path, required=True, help="claims.csv; claims.md goes beside it")
     arguments.add_argument("--why", type=Path, required=True, help="output: reason of each claim")
     arguments.add_argument("--statistics", type=Path, required=True, help="output: paired differences")
+    arguments.add_argument(
+        "--sensitivity", type=Path, help="summary of the sensitivity sweep, if there is one"
+    )
     run(work, arguments)
 
 
