@@ -14,6 +14,8 @@ include: "workflow/rules/simulation.smk"
 include: "workflow/rules/sequences.smk"
 include: "workflow/rules/solve.smk"
 include: "workflow/rules/covariance.smk"
+include: "workflow/rules/reasons.smk"
+include: "workflow/rules/sensitivity.smk"
 include: "workflow/rules/paper.smk"
 
 

@@ -29,6 +29,7 @@ FLOORS = (
     "euroc",
     "simulation",
     "claims",
+    "reasons",
     "tables",
     "experiment",
     "consistency",

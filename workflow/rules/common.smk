@@ -1,5 +1,6 @@
 """What the other files of this folder share: names, sources of sequences, sections of the configuration."""
 
+import hashlib
 import json
 import os
 import re
@@ -81,6 +82,16 @@ SEQUENCES_ARE_PUBLISHED = set(PAPER_SEQUENCES) <= set(PUBLISHED_NAMES)
 FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for trajectory in TRAJECTORIES]
 
 PUBLISHED_FOLDER = "data/published"
+# Made by a target of its own; the ledger shows it where it is there.
+SENSITIVITY = "data/sensitivity/summary.csv"
+LEDGER_FILES = [
+    "claims.csv",
+    "claims.md",
+    "claims_why.csv",
+    "claims_statistics.csv",
+    "summary.md",
+    "environment.json",
+]
 SUMMARY_FILES = ["table2", "table3", "fig07_simulation_cost", "fig11_euroc_cost"]
 SHOW_PUBLISHED = config["figures"]["show_published"]
 PUBLISHED_FLAG = f"--published {PUBLISHED_FOLDER}" if SHOW_PUBLISHED else ""
@@ -100,6 +111,8 @@ wildcard_constraints:
     sequence="|".join(re.escape(name) for name in SEQUENCES),
     experiment="|".join(re.escape(name) for name in [*CONFIGURATIONS, *SEQUENCES]),
     scene="hall|room",
+    parameter="|".join(config["sensitivity"]["values"]),
+    value="[0-9.e-]+",
 
 
 @cache
@@ -116,7 +129,8 @@ def code_of(stage):
     graph = import_graph()
     command = f"vigauge.cli.{stage}"
     modules = {command} | graph.find_upstream_modules(command)
-    files = [SOURCE.joinpath(*module.split(".")).with_suffix(".py") for module in modules]
+    stems = [SOURCE.joinpath(*module.split(".")) for module in modules]
+    files = [stem / "__init__.py" if stem.is_dir() else stem.with_suffix(".py") for stem in stems]
     return sorted(os.path.relpath(file) for file in files if file.is_file())
 
 
@@ -216,8 +230,22 @@ def paper_targets():
     """Everything in paper_figures/."""
     tables = [f"{OUT}/table{number}.{ending}" for number in (1, 2, 3) for ending in ("csv", "md", "tex")]
     figures = [f"{OUT}/{name}.{ending}" for name in FIGURES.values() for ending in ("pdf", "png")]
-    ledger = [f"{OUT}/{name}" for name in ("claims.csv", "claims.md", "summary.md", "environment.json")]
+    ledger = [f"{OUT}/{name}" for name in LEDGER_FILES]
     return [*tables, *figures, *ledger]
+
+
+def sensitivity_flag():
+    """Shows the sensitivity sweep in the ledger where someone has made it.
+
+    Not an input: the ledger would then remake a sweep that is only made when asked for.
+    """
+    return f"--sensitivity {SENSITIVITY}" if os.path.isfile(SENSITIVITY) else ""
+
+
+def sensitivity_digest():
+    """Changes with the sweep's summary, so that the ledger is written again."""
+    file = Path(SENSITIVITY)
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
 
 
 def folder_of_output(wildcards, output):

@@ -298,11 +298,19 @@ rule claims:
     input:
         expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
         expand("data/covariance/{name}.npz", name=EXPERIMENTS),
+        expand("data/reasons/{name}.csv", name=REASONS),
         sweep="data/prior_sweep/sweep.csv",
+        sweep_timing="data/prior_sweep/timing.csv",
+        sweep_trace="data/prior_sweep/trace.csv",
+        machine=f"data/solutions/{config['prior']['sweep_configuration']}/timing.json",
         code=code_of("claims"),
     output:
         csv=report(f"{OUT}/claims.csv", caption="../report/claims.rst", category="Claims"),
         md=f"{OUT}/claims.md",
+        why=report(f"{OUT}/claims_why.csv", caption="../report/claims_why.rst", category="Claims"),
+        statistics=report(
+            f"{OUT}/claims_statistics.csv", caption="../report/claims_statistics.rst", category="Claims"
+        ),
     log:
         "logs/paper/claims.log",
     conda:
@@ -311,15 +319,22 @@ rule claims:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
         timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
         covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
+        reasons=expand("{name}=data/reasons/{name}.csv", name=REASONS),
+        sweep_configuration=config["prior"]["sweep_configuration"],
         sequences=PAPER_SEQUENCES,
         source=SOURCE_OF_SEQUENCES,
         criteria=section("claims"),
+        sensitivity=sensitivity_flag(),
+        sensitivity_digest=sensitivity_digest(),
     message:
         "Judging the paper's claims"
     shell:
         "python -m vigauge.cli.claims --solutions {params.solutions:q} --timings {params.timings:q}"
-        " --covariances {params.covariances:q} --sweep {input.sweep:q} --sequences {params.sequences:q}"
-        " --source {params.source} --criteria {params.criteria:q} --output {output.csv:q} --log {log:q}"
+        " --covariances {params.covariances:q} --reasons {params.reasons:q} --sweep {input.sweep:q}"
+        " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
+        " --sweep-configuration {params.sweep_configuration} --sequences {params.sequences:q}"
+        " --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q}"
+        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q} {params.sensitivity} --log {log:q}"
 
 
 rule summary:

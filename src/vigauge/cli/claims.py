@@ -1,11 +1,15 @@
-"""Judge the paper's claims from the result files."""
+"""Judge the paper's claims from the result files, and say why."""
 
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
-from vigauge.claims import Criteria, Evidence, ledger
+import pandas as pd
+
+from vigauge.claims import Criteria, Evidence, explanations, ledger, paired_statistics
+from vigauge.claims.sensitivity import ranges
 from vigauge.cli.artefacts import named_file
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.files import write_rows, write_text
@@ -14,23 +18,52 @@ from vigauge.tables import markdown
 
 def work(options: argparse.Namespace) -> None:
     criteria = settings_from(Criteria, options.criteria, "claims")
+    machine = json.loads(options.machine.read_text("utf-8"))["machine"]
     evidence = Evidence(
         solutions=dict(options.solutions),
         timings=dict(options.timings),
         covariances=dict(options.covariances),
         sweep=options.sweep,
+        sweep_timing=options.sweep_timing,
+        sweep_trace=options.sweep_trace,
+        sweep_configuration=options.sweep_configuration,
+        reasons=dict(options.reasons),
         sequences=tuple(options.sequences),
         source=options.source,
+        cpu=str(machine["processor"]),
         criteria=criteria,
     )
-    rows = ledger(evidence)
+    rows, reasons = ledger(evidence), explanations(evidence)
     note = (
-        f"Accuracy margin {100 * criteria.accuracy_margin:g} %, intervals at {100 * criteria.confidence:g} %."
+        f"Intervals at {100 * criteria.confidence:g} %, bootstrapped over trials. Margins: accuracy "
+        f"{100 * criteria.accuracy_margin:g} %, cost {100 * criteria.cost_margin:g} %, covariance "
+        f"{100 * criteria.covariance_margin:g} %; RMSE over prior weights {100 * criteria.sweep_span:g} %, "
+        f"settled {criteria.settled_span:g}. Times: {machine['processor']}, {machine['cores']} cores, BLAS "
+        "on one thread. Paired differences with effect sizes: claims_statistics.csv; tables of the "
+        "experiments that explain: data/reasons."
     )
+    verdicts = {row["id"]: row["verdict"] for row in rows}
+    why = [{"id": row["id"], "verdict": verdicts[row["id"]], "why": row["why"]} for row in reasons]
     write_rows(options.output, rows)
-    write_text(options.output.with_suffix(".md"), markdown(rows, note))
+    write_rows(options.why, why)
+    write_rows(options.statistics, paired_statistics(evidence))
+    page = markdown(rows, note) + "\n## Why\n\n" + markdown(why)
+    if options.sensitivity:
+        page += "\n## Where in the range of our assumptions\n\n" + _ranges(options.sensitivity)
+    write_text(options.output.with_suffix(".md"), page)
     for row in rows:
         LOG.info("%-10s %s: %s", row["verdict"], row["claim"], row["measured"])
+
+
+def _ranges(summary: Path) -> str:
+    """The sensitivity sweep: where each claim holds, and how near Table II each setting comes."""
+    table = pd.read_csv(summary, dtype={"value": str})
+    columns = ["parameter", "value", "rmse_ratio", "rmse_ratio_low", "rmse_ratio_high"]
+    near = table[columns].drop_duplicates().to_dict("records")
+    note = "RMSE of fixation over the paper's Table II: geometric mean, smallest and largest of 18."
+    return (
+        markdown(ranges(table)) + "\n" + markdown([{str(k): v for k, v in row.items()} for row in near], note)
+    )
 
 
 def main() -> None:
@@ -39,13 +72,25 @@ def main() -> None:
         arguments.add_argument(
             f"--{name}", type=named_file, nargs="+", required=True, help="NAME=FILE of each experiment"
         )
-    arguments.add_argument("--sweep", type=Path, required=True)
     arguments.add_argument(
-        "--sequences", nargs="+", required=True, help="names among them that are image sequences"
+        "--reasons", type=named_file, nargs="+", required=True, help="NAME=FILE of explaining experiments"
+    )
+    arguments.add_argument("--sweep", type=Path, required=True)
+    arguments.add_argument("--sweep-timing", type=Path, required=True)
+    arguments.add_argument("--sweep-trace", type=Path, required=True)
+    arguments.add_argument("--sweep-configuration", required=True, help="configuration of the sweep")
+    arguments.add_argument(
+        "--sequences", nargs="+", required=True, help="names among them that are image sequences: MH1, VI1"
     )
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
+    arguments.add_argument("--machine", type=Path, required=True, help="what the times were taken on")
     arguments.add_argument("--criteria", type=json_argument, required=True, help="config section 'claims'")
     arguments.add_argument("--output", type=Path, required=True, help="claims.csv; claims.md goes beside it")
+    arguments.add_argument("--why", type=Path, required=True, help="output: reason of each claim")
+    arguments.add_argument("--statistics", type=Path, required=True, help="output: paired differences")
+    arguments.add_argument(
+        "--sensitivity", type=Path, help="summary of the sensitivity sweep, if there is one"
+    )
     run(work, arguments)
 
 

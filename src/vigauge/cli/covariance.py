@@ -1,8 +1,8 @@
 """Covariances of one experiment in every gauge, and how well Eq. (12) joins them (Section VI).
 
-Three comparisons of the transformed free covariance with the fixed one: at the same point,
-where (12) is an identity; between the separately converged estimates, as in the paper; and
-the prior's with the fixed one.
+Three comparisons with the fixed covariance: the transformed free one at the same point, where
+(12) is an identity; the same between the separately converged estimates, as in the paper; and
+the prior's, under its weight and under the square of it, as which the paper's weights act.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ def compare_gauges(
     free_covariance = covariance_of(at_free, free, free_gauge, reference)
     transformed, moved = transform_covariance(free_covariance, free, fixed_gauge, reference)
     with_prior = covariance_of(at_prior, prior, prior_gauge, reference)
+    squared = covariance_of(at_fix, fix, PriorGauge(prior_weight**2), reference)
     free_at_fix = covariance_of(at_fix, fix, free_gauge, reference)
     same_point, _ = transform_covariance(free_at_fix, fix, fixed_gauge, reference)
     found = spectrum(at_free)
@@ -51,6 +52,7 @@ def compare_gauges(
         "relative_frobenius_same_point": relative_frobenius(same_point, fixed),
         "relative_frobenius_converged": relative_frobenius(transformed, fixed),
         "relative_frobenius_prior": relative_frobenius(with_prior, fixed),
+        "relative_frobenius_prior_squared": relative_frobenius(squared, fixed),
         "p_W_free": free.p_W,
         "p_W_transformed": moved.p_W,
         "p_W_fixed": fix.p_W,

@@ -1,0 +1,39 @@
+"""A claim of the paper, and what several claims share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from .evidence import Evidence
+
+Finding = tuple[str, bool | None]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement of the paper and how it is judged.
+
+    ``judge`` returns what was measured and whether the criterion holds, None for the latter where the
+    evidence cannot tell. ``why``: the experiment that explains the outcome, in a sentence with its numbers.
+    """
+
+    id: str
+    section: str
+    claim: str
+    published: str
+    criterion: str
+    judge: Callable[[Evidence], Finding]
+    why: Callable[[Evidence], str] | None = None
+
+
+def on_euroc(e: Evidence, text: str, holds: bool) -> Finding:
+    """A finding on image sequences; on stand-ins it is shown, and nothing is concluded."""
+    if e.source != "euroc":
+        return f"{text} (rendered stand-in, not EuRoC)", None
+    return text, holds
+
+
+def spread(values: list[float], digits: str = ".3f") -> str:
+    """'smallest to largest'."""
+    return f"{min(values):{digits}} to {max(values):{digits}}"

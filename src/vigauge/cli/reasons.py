@@ -1,0 +1,137 @@
+"""Run the experiments that explain the results: damping, tolerance, weights, exchange, orbit, yaw.
+
+No times are taken, so that two runs give the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from vigauge.archive import load_arrays, load_problems, load_states
+from vigauge.cli.artefacts import named_file
+from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.files import write_rows
+from vigauge.gauge import FixedGauge, Gauge, PriorGauge, three_gauges
+from vigauge.levenberg_marquardt import Options
+from vigauge.problem import Problem
+from vigauge.reasons.exchange import exchange, exchange_published
+from vigauge.reasons.first_step import from_published, from_traces
+from vigauge.reasons.invariance import cost_on_orbit
+from vigauge.reasons.settings import Settings
+from vigauge.reasons.solves import plateau, solve_all
+from vigauge.reasons.yaw_drift import yaw_drift
+
+Row = dict[str, object]
+
+
+def solved(options: argparse.Namespace, settings: Settings, solver: Options) -> dict[str, list[Row]]:
+    """Tables of the experiments that solve problems."""
+    rng = np.random.default_rng(settings.seed)
+    gauges = three_gauges(options.prior_weight)
+    large: dict[str, Gauge] = {weight: PriorGauge(float(weight)) for weight in settings.large_weights}
+    truths = dict(options.truths)
+    turned = {
+        "damping": [replace(solver, initial_radius=radius) for radius in settings.radii],
+        "tolerance": [solver, replace(solver, function_tolerance=settings.tight_tolerance)],
+    }
+    tables: dict[str, list[Row]] = {name: [] for name in ("orbit", "yaw", "damping", "tolerance", "weights")}
+    for name, file in options.problems:
+        problems = load_problems(file)[: settings.trials]
+        truth = load_states(truths[name])[0]
+        tables["orbit"] += cost_on_orbit(
+            name, problems[0], problems[0].initial, settings.transformations, rng
+        )
+        for trial, problem in enumerate(problems):
+            tables["yaw"] += yaw_drift(name, trial, problem, solver)
+        for table, changes in turned.items():
+            for changed in changes:
+                tables[table] += solve_all(name, problems, truth, gauges, changed)
+        tables["weights"] += solve_all(name, problems, truth, {"fix": FixedGauge(), **large}, solver)
+        LOG.info("%s: %d trials", name, len(problems))
+    variants = {
+        "as configured": solver,
+        "radius": replace(solver, initial_radius=settings.plateau_radius),
+        "tolerance": replace(solver, function_tolerance=settings.plateau_tolerance),
+    }
+    problems = load_problems(dict(options.problems)[options.sweep_configuration])[: settings.plateau_trials]
+    tables["plateau"] = plateau(problems, settings.plateau_weights, variants)
+    tables["squared"] = squared_weights(options.published, problems, solver)
+    return tables
+
+
+def squared_weights(published: Path, problems: list[Problem], solver: Options) -> list[Row]:
+    """Iterations at the weights of the paper's Fig. 5 and at their squares, beside the published medians.
+
+    In Fig. 6 the prior error after one step falls as 1 / w^2: the weights shown there multiply
+    the residual of Eq. (11), so that w^P is their square.
+    """
+    figure5 = pd.read_csv(published / "fig05_prior_weight_cost.csv").query("quantity == 'iterations'")
+    medians = dict(zip(figure5["weight"], figure5["median"], strict=True))
+    rows: list[Row] = []
+    for weight, median in medians.items():
+        for power in (1, 2):
+            weight_used = f"{float(weight) ** power:g}"
+            rows += [
+                {"label": f"{weight:g}", "power": power, "published_median": median, **row}
+                for row in plateau(problems, [weight_used], {"as configured": solver})
+            ]
+    return rows
+
+
+def read_off(options: argparse.Namespace) -> dict[str, list[Row]]:
+    """Tables from finished results and the paper's figures."""
+    pairs = []
+    for name, file in options.covariances:
+        arrays = load_arrays(file)
+        pairs.append(exchange(name, arrays["transformed"], arrays["fixed"]))
+    for figure in ("fig09", "fig10"):
+        pairs.append(
+            exchange_published(f"published {figure}", load_arrays(options.published / f"{figure}.npz"))
+        )
+    sweep = pd.read_csv(options.sweep_trace, dtype={"weight": str})
+    weights = {w: float(w) for w in dict.fromkeys(sweep["weight"]) if w != "free" and float(w) > 0.0}
+    steps = from_traces("sweep", sweep, weights, "weight")
+    for name, file in options.traces:
+        trace = pd.read_csv(file).query("noise == 'headline'")
+        steps += from_traces(name, trace, {"prior": options.prior_weight}, "gauge")
+    figure6 = pd.read_csv(options.published / "fig06_prior_error_paths.csv", dtype={"weight": str})
+    steps += from_published("published fig06", figure6)
+    return {"exchange": pairs, "first_step": steps}
+
+
+def work(options: argparse.Namespace) -> None:
+    settings = settings_from(Settings, options.settings, "reasons")
+    solver = settings_from(Options, options.solver, "solver")
+    with threadpool_limits(limits=1):
+        tables = solved(options, settings, solver) | read_off(options)
+    for name, rows in tables.items():
+        write_rows(options.output / f"{name}.csv", rows)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    for name, text in (
+        ("problems", "NAME=FILE of simulated problems"),
+        ("truths", "NAME=FILE of their true states"),
+        ("traces", "NAME=FILE of traces of all experiments"),
+        ("covariances", "NAME=FILE of covariances of all experiments"),
+    ):
+        arguments.add_argument(f"--{name}", type=named_file, nargs="+", required=True, help=text)
+    arguments.add_argument("--sweep-trace", type=Path, required=True, help="trace of the prior sweep")
+    arguments.add_argument("--sweep-configuration", required=True, help="configuration of that sweep")
+    arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
+    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
+    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    arguments.add_argument("--settings", type=json_argument, required=True, help="config section 'reasons'")
+    arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

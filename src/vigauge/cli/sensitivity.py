@@ -1,0 +1,73 @@
+"""Simulate and solve all configurations with one assumption changed, without taking times."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.errors import ConfigError
+from vigauge.experiment import Trial, first_solves, solution_row, solve_interleaved
+from vigauge.files import write_rows
+from vigauge.gauge import three_gauges
+from vigauge.levenberg_marquardt import Options
+from vigauge.simulation.scenario import make_scene, make_trials
+from vigauge.simulation.settings import SimulationSettings
+
+
+def changed(
+    settings: SimulationSettings, solver: Options, parameter: str, value: float
+) -> tuple[SimulationSettings, Options]:
+    """Settings with one number of either changed. ConfigError for a name that neither has."""
+    for kind, holder in (("simulation", settings), ("solver", solver)):
+        if parameter in {field.name for field in fields(holder)}:
+            number: Any = int(value) if isinstance(getattr(holder, parameter), int) else value
+            if kind == "simulation":
+                return replace(settings, **{parameter: number}), solver
+            return settings, replace(solver, **{parameter: number})
+    raise ConfigError(
+        "config section 'sensitivity'", "must be a key of simulation or solver", value=parameter
+    )
+
+
+def work(options: argparse.Namespace) -> None:
+    settings, solver = changed(
+        settings_from(SimulationSettings, options.settings | {"n_trials": options.trials}, "simulation"),
+        settings_from(Options, options.solver, "solver"),
+        options.parameter,
+        options.value,
+    )
+    gauges = three_gauges(options.prior_weight)
+    for points, trajectory in product(("plane", "random"), ("sine", "arc", "rec")):
+        scene = make_scene(trajectory, points, settings)
+        trials = [Trial({"noise": "headline", "trial": i}, p) for i, p in enumerate(make_trials(scene))]
+        with threadpool_limits(limits=1):
+            solves = solve_interleaved(trials, gauges, solver, clock=lambda: 0.0, warm_up=False)
+        rows = [solution_row(solve, scene.truth) for solve in first_solves(solves, gauges)]
+        write_rows(options.output / f"{trajectory}_{points}.csv", rows)
+        LOG.info("%s = %g: %s %s", options.parameter, options.value, trajectory, points)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--parameter", required=True, help="key of config section simulation or solver")
+    arguments.add_argument("--value", type=float, required=True)
+    arguments.add_argument("--trials", type=int, required=True, help="trials of each configuration")
+    arguments.add_argument(
+        "--settings", type=json_argument, required=True, help="config section 'simulation'"
+    )
+    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
+    arguments.add_argument(
+        "--output", type=Path, required=True, help="folder that gets a CSV a configuration"
+    )
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+"""Experiments that explain the results: what the ledger gives as its reasons."""
+
+REASONS = ["orbit", "yaw", "damping", "tolerance", "weights", "plateau", "squared", "exchange", "first_step"]
+
+
+rule reasons:
+    input:
+        expand("data/simulation/{name}/{file}.npz", name=CONFIGURATIONS, file=["problems", "truth"]),
+        expand("data/solutions/{name}/trace.csv", name=EXPERIMENTS),
+        expand("data/covariance/{name}.npz", name=EXPERIMENTS),
+        published=expand(
+            "{folder}/{file}",
+            folder=PUBLISHED_FOLDER,
+            file=["fig05_prior_weight_cost.csv", "fig06_prior_error_paths.csv", "fig09.npz", "fig10.npz"],
+        ),
+        sweep_trace="data/prior_sweep/trace.csv",
+        code=code_of("reasons"),
+    output:
+        expand("data/reasons/{name}.csv", name=REASONS),
+    log:
+        "logs/reasons.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        problems=expand("{name}=data/simulation/{name}/problems.npz", name=CONFIGURATIONS),
+        truths=expand("{name}=data/simulation/{name}/truth.npz", name=CONFIGURATIONS),
+        traces=expand("{name}=data/solutions/{name}/trace.csv", name=EXPERIMENTS),
+        covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
+        sweep_configuration=config["prior"]["sweep_configuration"],
+        published=folder_of_published,
+        weight=config["prior"]["weight"],
+        solver=section("solver"),
+        settings=section("reasons"),
+        output=folder_of_output,
+    message:
+        "Experiments that explain the results"
+    shell:
+        "python -m vigauge.cli.reasons --problems {params.problems:q} --truths {params.truths:q}"
+        " --traces {params.traces:q} --covariances {params.covariances:q} --sweep-trace {input.sweep_trace:q}"
+        " --sweep-configuration {params.sweep_configuration} --published {params.published:q}"
+        " --prior-weight {params.weight} --solver {params.solver:q} --settings {params.settings:q}"
+        " --output {params.output:q} --log {log:q}"
