@@ -59,7 +59,7 @@ def draw_cost_of(folder: Path, stem: Path, rendered: bool = False) -> None:
 
 DRAWINGS: dict[str, Callable[[Path, Path], None]] = {
     "cost": draw_cost_of,
-    "matrices": lambda folder, stem: matrices.draw_covariances(folder / "covariance.npz", stem, False),
+    "matrices": lambda folder, stem: matrices.draw_covariances(folder / "covariance.npz", stem, "simulation"),
 }
 
 
@@ -102,10 +102,15 @@ def test_stand_ins_are_named_on_every_figure_of_sequences(
     written: Path, texts: list[str], rendered: bool
 ) -> None:
     """Catches rendered data passing for EuRoC on Figures 1, 10 and 11."""
+    source = "rendered" if rendered else "euroc"
     for draw in (
         lambda: draw_cost_of(written, written / "x", rendered),
-        lambda: ellipses.draw_ellipses(written / "covariance.npz", written / "x", rendered),
-        lambda: matrices.draw_covariances(written / "covariance.npz", written / "x", rendered),
+        lambda: ellipses.draw_ellipses(
+            written / "covariance.npz", written / "x", "rendered" if rendered else "euroc"
+        ),
+        lambda: matrices.draw_covariances(
+            written / "covariance.npz", written / "x", "rendered" if rendered else "euroc"
+        ),
     ):
         texts.clear()
         draw()
@@ -186,7 +191,7 @@ def test_enlargement_is_round_and_keeps_ellipses_apart(extent: float, largest: f
 
 def test_one_enlargement_for_all_curves(written: Path, texts: list[str]) -> None:
     """Catches panels with different factors, which made the paper's Figure 1 hard to compare."""
-    ellipses.draw_ellipses(written / "covariance.npz", written / "fig", False)
+    ellipses.draw_ellipses(written / "covariance.npz", written / "fig", "euroc")
     table = pd.read_csv(written / "fig.csv")
     assert table["enlargement"].nunique() == 1
     assert set(table["curve"]) == {"free", "transformed", "fixed"}
@@ -209,7 +214,7 @@ def test_white_is_the_epsilon_of_the_text() -> None:
 
 def test_covariance_figure_keeps_the_contract_arrays(written: Path, texts: list[str]) -> None:
     """Catches arrays that are scaled, or whose name changed."""
-    matrices.draw_covariances(written / "covariance.npz", written / "fig", False)
+    matrices.draw_covariances(written / "covariance.npz", written / "fig", "euroc")
     kept, original = load_arrays(written / "fig.npz"), covariance()
     for name in ("free", "transformed", "fixed"):
         assert np.array_equal(kept[name], np.asarray(original[name]))

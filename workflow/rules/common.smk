@@ -78,6 +78,8 @@ PUBLISHED_NAMES = {
     if EUROC_ROOT and "published" in config["euroc"]["sequences"][key]
 }
 SEQUENCES_ARE_PUBLISHED = set(PAPER_SEQUENCES) <= set(PUBLISHED_NAMES)
+# The paper's claims on sequences are judged on its sequences only.
+SOURCE_OF_CLAIMS = SOURCE_OF_SEQUENCES if SEQUENCES_ARE_PUBLISHED or not EUROC_ROOT else "other"
 # Left to right in the paper's Fig. 7.
 FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for trajectory in TRAJECTORIES]
 

@@ -322,7 +322,7 @@ rule claims:
         reasons=expand("{name}=data/reasons/{name}.csv", name=REASONS),
         sweep_configuration=config["prior"]["sweep_configuration"],
         sequences=PAPER_SEQUENCES,
-        source=SOURCE_OF_SEQUENCES,
+        source=SOURCE_OF_CLAIMS,
         criteria=section("claims"),
         sensitivity=sensitivity_flag(),
         sensitivity_digest=sensitivity_digest(),

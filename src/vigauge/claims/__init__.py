@@ -6,8 +6,9 @@ EuRoC; no run converged). Sameness is judged as equivalence: a paired interval i
 margin. Claims stand by theme, in the order of the paper.
 """
 
+from ..names import ERRORS
 from .claim import Claim, Finding
-from .evidence import ERRORS, Evidence, NoEvidenceError
+from .evidence import Evidence, NoEvidenceError
 from .ledger import CLAIMS, explanations, ledger, paired_statistics
 from .statistics import Criteria, Interval
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..names import ERRORS
 from . import reasons
 from .claim import Claim, Finding
-from .evidence import ERRORS, Evidence
+from .evidence import Evidence
 
 
 def _worst_difference(e: Evidence, names: Iterable[str], gauge: str) -> float:

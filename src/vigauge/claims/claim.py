@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from ..names import STAND_IN
 from .evidence import Evidence
 
 Finding = tuple[str, bool | None]
@@ -28,10 +29,10 @@ class Claim:
 
 
 def on_euroc(e: Evidence, text: str, holds: bool) -> Finding:
-    """A finding on image sequences; on stand-ins it is shown, and nothing is concluded."""
-    if e.source != "euroc":
-        return f"{text} (rendered stand-in, not EuRoC)", None
-    return text, holds
+    """A finding on the paper's image sequences; on others it is shown, and nothing is concluded."""
+    if e.source == "euroc":
+        return text, holds
+    return f"{text} ({STAND_IN if e.source == 'rendered' else 'not the sequences of the paper'})", None
 
 
 def spread(values: list[float], digits: str = ".3f") -> str:

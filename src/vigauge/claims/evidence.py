@@ -12,9 +12,8 @@ import pandas as pd
 
 from ..archive import load_arrays
 from ..errors import VigaugeError
+from ..names import GAUGES
 from .statistics import Criteria, Interval, bootstrap, mean, median
-
-ERRORS = ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps")
 
 
 class NoEvidenceError(VigaugeError):
@@ -105,6 +104,11 @@ class Evidence:
         return bootstrap(groups, median, self.criteria)
 
     def covariance(self, name: str) -> dict[str, np.ndarray]:
+        """Covariances of trial 0; they are evidence only where its runs converged in every gauge."""
+        good = self.converged[name]
+        missing = set(GAUGES) - set(good.loc[good["trial"] == 0, "gauge"])
+        if missing:
+            raise NoEvidenceError(f"trial 0 of {name} did not converge under {', '.join(sorted(missing))}")
         return load_arrays(self.covariances[name])
 
     def reason(self, table: str) -> pd.DataFrame:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from ..names import ERRORS
 from .accuracy import ACCURACY
 from .claim import Claim
 from .cost import COST
 from .covariance import COVARIANCE
-from .evidence import ERRORS, Evidence, NoEvidenceError
+from .evidence import Evidence, NoEvidenceError
 from .prior_weight import PRIOR_WEIGHT
 from .sequences import SEQUENCES
 from .statistics import effect_size

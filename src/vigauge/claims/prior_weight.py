@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from ..names import ERRORS
 from . import reasons
 from .claim import Claim, Finding
-from .evidence import ERRORS, Evidence, NoEvidenceError
+from .evidence import Evidence, NoEvidenceError
 
 # "Smaller prior weights (e.g., 50-500)", Section V-A.
 SMALL_WEIGHTS = (50.0, 500.0)

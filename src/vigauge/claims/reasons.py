@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-from .evidence import ERRORS, Evidence, NoEvidenceError
+from ..names import ERRORS
+from .evidence import Evidence, NoEvidenceError
 
 
 def damping(e: Evidence) -> str:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .evidence import ERRORS, Evidence, NoEvidenceError
+from ..names import ERRORS
+from .evidence import Evidence, NoEvidenceError
 from .ledger import CLAIMS, VERDICTS
 from .statistics import Criteria
 

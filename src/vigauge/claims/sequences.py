@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from ..names import ERRORS
 from . import reasons
 from .claim import Claim, Finding, on_euroc
-from .evidence import ERRORS, Evidence
+from .evidence import Evidence
 
 
 def _iterations(e: Evidence) -> Finding:

@@ -82,7 +82,7 @@ def main() -> None:
     arguments.add_argument(
         "--sequences", nargs="+", required=True, help="names among them that are image sequences: MH1, VI1"
     )
-    arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
+    arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
     arguments.add_argument("--machine", type=Path, required=True, help="what the times were taken on")
     arguments.add_argument("--criteria", type=json_argument, required=True, help="config section 'claims'")
     arguments.add_argument("--output", type=Path, required=True, help="claims.csv; claims.md goes beside it")

@@ -14,7 +14,7 @@ _KINDS = {"matrices": draw_covariances, "ellipses": draw_ellipses}
 
 
 def work(options: argparse.Namespace) -> None:
-    _KINDS[options.kind](options.covariance, options.output, options.source == "rendered")
+    _KINDS[options.kind](options.covariance, options.output, options.source)
 
 
 def main() -> None:

@@ -71,9 +71,9 @@ def _height(p_W: Array) -> float:
     return float(np.clip(0.8 + 3.0 * height / max(width, 1e-9), 2.4, 4.2))
 
 
-def draw_ellipses(source: Path, stem: Path, rendered: bool) -> None:
+def draw_ellipses(archive: Path, stem: Path, source: str) -> None:
     """Draw both panels from an archive of covariances; ``stem``.csv has centres and ellipses."""
-    arrays = load_arrays(source)
+    arrays = load_arrays(archive)
     n = int(arrays["n_keyframes"])
     curves = {
         name: (arrays[f"p_W_{name}"], xy_ellipses(arrays[name], n))
@@ -92,7 +92,7 @@ def draw_ellipses(source: Path, stem: Path, rendered: bool) -> None:
             panel.set_title(f"{title}; one sigma, enlarged {scale:g} times")
             panel.legend()
         axes[0].set_ylabel("y (m)")
-        note_stand_in(figure, rendered)
+        note_stand_in(figure, source == "rendered")
         save_figure(figure, stem)
     write_rows(
         f"{stem}.csv",
@@ -104,6 +104,7 @@ def draw_ellipses(source: Path, stem: Path, rendered: bool) -> None:
                 "y_m": float(p[1]),
                 **ellipse,
                 "enlargement": scale,
+                "source": source,
             }
             for name, (p_W, ellipses) in curves.items()
             for k, (p, ellipse) in enumerate(zip(p_W, ellipses, strict=True))

@@ -54,10 +54,13 @@ def _show(figure: Figure, axes: Axes, covariance: Array, held: NDArray[np.bool_]
     axes.set_title(title)
 
 
-def draw_covariances(source: Path, stem: Path, rendered: bool) -> None:
-    """Draw one comparison from an archive of covariances, and keep what is shown as ``stem``.npz."""
-    arrays = load_arrays(source)
-    save_arrays(f"{stem}.npz", {name: arrays[name] for name in _KEPT})
+def draw_covariances(archive: Path, stem: Path, source: str) -> None:
+    """Draw one comparison from an archive of covariances, and keep what is shown as ``stem``.npz.
+
+    ``source`` is 'simulation', 'euroc' or 'rendered'; it is kept with the numbers.
+    """
+    arrays = load_arrays(archive)
+    save_arrays(f"{stem}.npz", {name: arrays[name] for name in _KEPT} | {"source": np.array(source)})
     held = held_entries(arrays["fixed"])
     none = np.zeros(len(held), dtype=bool)
     with new_figure(PAGE, 2.45, 1, 3) as (figure, axes):
@@ -72,5 +75,5 @@ def draw_covariances(source: Path, stem: Path, rendered: bool) -> None:
             f"{same:.0e} at one point",
             fontsize=6.5,
         )
-        note_stand_in(figure, rendered)
+        note_stand_in(figure, source == "rendered")
         save_figure(figure, stem)
