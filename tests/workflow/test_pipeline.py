@@ -154,6 +154,27 @@ def test_one_table_can_be_made_alone(smoke_project: Path) -> None:
     assert not planned & {"render", "front_end", "solve_sequence", "prior_sweep"}
 
 
+def test_sensitivity_is_swept_only_when_asked_for(smoke_project: Path) -> None:
+    """A default run must not take the minutes of the sweep, and the sweep must not need image sequences."""
+    done = snakemake(smoke_project, "--dry-run", "--forceall")
+    assert not [rule for rule in planned_rules(done.stdout + done.stderr) if rule.startswith("sensitivity")]
+    done = snakemake(smoke_project, "--dry-run", "sensitivity")
+    assert planned_rules(done.stdout + done.stderr) == {
+        "sensitivity",
+        "sensitivity_setting",
+        "sensitivity_summary",
+    }
+
+
+def test_ledger_comes_with_reasons_and_statistics(smoke_project: Path) -> None:
+    """A verdict without its reason, or a reason for no claim."""
+    folder = smoke_project / "paper_figures"
+    claims = {row["id"] for row in rows(folder / "claims.csv")}
+    assert len(claims) >= 20
+    assert {row["id"] for row in rows(folder / "claims_why.csv")} <= claims
+    assert {row["gauge"] for row in rows(folder / "claims_statistics.csv")} == {"free", "prior"}
+
+
 def test_unknown_config_key_is_one_clear_error(tmp_path: Path) -> None:
     """A misspelt key must not be ignored."""
     folder = make_project(tmp_path / "project")
