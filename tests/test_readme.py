@@ -17,7 +17,7 @@ def test_readme_has_both_marks_and_a_filled_table() -> None:
     text = README.read_text("utf-8")
     table = text.split(BEGIN)[1].split(END)[0]
     assert "| case | gauge |" in table
-    assert "| claim | published | measured | verdict |" in table
+    assert "| claim | section | published | verdict |" in table
 
 
 def test_inserting_twice_is_inserting_once() -> None:

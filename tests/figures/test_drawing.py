@@ -105,12 +105,8 @@ def test_stand_ins_are_named_on_every_figure_of_sequences(
     source = "rendered" if rendered else "euroc"
     for draw in (
         lambda: draw_cost_of(written, written / "x", rendered),
-        lambda: ellipses.draw_ellipses(
-            written / "covariance.npz", written / "x", "rendered" if rendered else "euroc"
-        ),
-        lambda: matrices.draw_covariances(
-            written / "covariance.npz", written / "x", "rendered" if rendered else "euroc"
-        ),
+        lambda: ellipses.draw_ellipses(written / "covariance.npz", written / "x", source),
+        lambda: matrices.draw_covariances(written / "covariance.npz", written / "x", source),
     ):
         texts.clear()
         draw()

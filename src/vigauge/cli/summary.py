@@ -79,7 +79,8 @@ def work(options: argparse.Namespace) -> None:
     if options.source == "rendered":
         note += f" The two sequences are a {STAND_IN}."
     note += "\n\nSequences: " + (figures / "table3.md").read_text(encoding="utf-8").strip().splitlines()[-1]
-    short = claims[["claim", "published", "measured", "verdict"]].to_dict("records")
+    # What was measured is long for some; claims.md has it.
+    short = claims[["claim", "section", "published", "verdict"]].to_dict("records")
     text = markdown(parts[0] + parts[1], note) + f"\nClaims: {verdicts}.\n\n" + markdown(short)
     write_text(options.output, text)
 
