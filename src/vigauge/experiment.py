@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
-from .consistency import chi_square
 from .evaluation import align_all_poses, trajectory_errors
 from .gauge import Gauge
 from .levenberg_marquardt import Options, Solution, solve
@@ -95,15 +94,6 @@ def solution_row(timed: TimedSolve, truth: State, label: str = "gauge") -> Row:
         "start_phi_rmse_deg": start.phi_rmse_deg,
         "start_v_rmse_mps": start.v_rmse_mps,
         "mean_reprojection_px": solution.trace[-1].mean_reprojection_px,
-    }
-
-
-def consistency_row(timed: TimedSolve) -> Row:
-    """Chi-square per redundancy of the two groups of measurements: near 1 if the noise is right."""
-    found = chi_square(timed.trial.problem, timed.solution.state)
-    return {
-        "visual_chi2_per_redundancy": found.visual,
-        "inertial_chi2_per_redundancy": found.inertial,
     }
 
 
