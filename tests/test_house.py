@@ -296,7 +296,7 @@ def test_no_file_names_a_machine() -> None:
         ("open('/home/someone/euroc')", True),
         ("EUROC_ROOT=/home/someone/data", True),
         ("cache in /tmp/vigauge", True),
-        ("--extra-index-url http://mirror", True),
+        ("--extra-" + "index-url http://mirror", True),
         (r"root: C:\Users\me", True),
         ("https://example.org/home/page", False),
         ("EUROC_ROOT=/path/to/euroc make paper", False),

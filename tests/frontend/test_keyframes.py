@@ -79,3 +79,20 @@ def test_too_few_frames_are_an_error(settings: KeyframeSettings) -> None:
     """Fewer keyframes than asked for, taken without a word."""
     with pytest.raises(DataError, match="must"):
         select_keyframes(stamps(np.arange(20) * 0.1), settings)
+
+
+def test_long_windows_are_chosen_from_in_bounded_memory() -> None:
+    """A table of frames times frames: gigabytes for a quarter of an hour of video."""
+    t_ns = 10**18 + 50_000_000 * np.arange(20_000, dtype=np.int64)
+    chosen = select_keyframes(t_ns, KeyframeSettings(count=30))
+    assert len(chosen) == 30
+    assert chosen[0] == 0 and chosen[-1] == len(t_ns) - 1
+    gaps = np.diff(chosen)
+    assert gaps.max() <= 1.1 * gaps.min()
+
+
+def test_sparse_frames_of_a_long_window_are_still_enough() -> None:
+    """Fewer candidates than keyframes after the selection, where frames come in bursts."""
+    bursts = np.append(np.arange(3000) * 50_000_000, 10**14)
+    chosen = select_keyframes(10**18 + bursts.astype(np.int64), KeyframeSettings(count=30, window_end_s=1e6))
+    assert len(np.unique(chosen)) == 30

@@ -9,6 +9,10 @@ from ..errors import DataError
 from .settings import KeyframeSettings
 
 
+# Frames among which keyframes are chosen optimally; a minute and more of a 20 Hz camera.
+_MOST_CANDIDATES = 1500
+
+
 def select_keyframes(t_ns: NDArray[np.int64], settings: KeyframeSettings) -> NDArray[np.int64]:
     """Indices (N,) of the keyframes among frames with the increasing stamps ``t_ns`` (F,).
 
@@ -43,8 +47,13 @@ def _even_subset(time: NDArray[np.float64], count: int) -> NDArray[np.int64]:
     """The ``count`` entries, ends included, with the least sum of squared gaps.
 
     Dynamic programme over (number chosen, last chosen). Where frames are dense this is
-    even spacing; where they are sparse it leaves out the nearest neighbours.
+    even spacing; where they are sparse it leaves out the nearest neighbours. Its table grows
+    with the square of the frames, so of a long window an even selection of frames competes.
     """
+    most = max(_MOST_CANDIDATES, count)
+    if len(time) > most:
+        candidates = np.linspace(0, len(time) - 1, most).round().astype(np.int64)
+        return candidates[_even_subset(time[candidates], count)]
     squared_gap = np.where(time[None, :] > time[:, None], (time[None, :] - time[:, None]) ** 2, np.inf)
     total = squared_gap[0]
     came_from = [np.zeros(len(time), dtype=np.int64)]
