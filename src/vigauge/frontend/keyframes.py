@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from ..errors import DataError
 from .settings import KeyframeSettings
 
-
 # Frames among which keyframes are chosen optimally; a minute and more of a 20 Hz camera.
 _MOST_CANDIDATES = 1500
 
