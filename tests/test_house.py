@@ -31,6 +31,7 @@ FLOORS = (
     "claims",
     "reasons",
     "tables",
+    "timing",
     "experiment",
     "consistency",
     "evaluation",

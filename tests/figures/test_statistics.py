@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from support.results import solutions, timing
-from vigauge.figures.statistics import box, box_row, converged_only, time_per_iteration_ratios, timing_of
+from vigauge.figures.statistics import box, box_row, converged_only, time_per_iteration_ratios
+from vigauge.timing import timing_of
 
 
 def test_whiskers_end_at_data_and_leave_out_outliers() -> None:

@@ -56,8 +56,6 @@ def sequence_name(key):
 for role, key in config["paper"].items():
     if key not in config["euroc"]["sequences"]:
         raise WorkflowError(f"configuration, paper.{role}: must be one of euroc.sequences (found {key!r})")
-if len(set(config["paper"].values())) < len(config["paper"]):
-    raise WorkflowError("configuration, paper: must name two different sequences")
 unswept = sorted(set(config["figures"]["path_weights"]) - set(config["prior"]["sweep_weights"]))
 if unswept:
     raise WorkflowError(
@@ -68,6 +66,8 @@ SEQUENCE_KEYS = {sequence_name(key): key for key in config["euroc"]["sequences"]
 SEQUENCES = list(SEQUENCE_KEYS)
 MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
 VICON_ROOM = sequence_name(config["paper"]["vicon_room"])
+if MACHINE_HALL == VICON_ROOM:
+    raise WorkflowError(f"configuration, paper: must name two different sequences (both are {VICON_ROOM})")
 
 PAPER_SEQUENCES = [MACHINE_HALL, VICON_ROOM]
 EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
@@ -111,7 +111,6 @@ wildcard_constraints:
     points="|".join(LAYOUTS),
     configuration="|".join(CONFIGURATIONS),
     sequence="|".join(re.escape(name) for name in SEQUENCES),
-    experiment="|".join(re.escape(name) for name in [*CONFIGURATIONS, *SEQUENCES]),
     scene="hall|room",
     parameter="|".join(config["sensitivity"]["values"]),
     value="[0-9.e-]+",

@@ -12,7 +12,8 @@ import pandas as pd
 
 from ..archive import load_arrays
 from ..errors import VigaugeError
-from ..names import GAUGES
+from ..names import GAUGES, HEADLINE
+from ..timing import paired_ratios, timing_of
 from .statistics import Criteria, Interval, bootstrap, mean, median
 
 
@@ -52,7 +53,7 @@ class Evidence:
         """Solutions of each experiment under its headline noise, of the runs that converged."""
         tables = {name: pd.read_csv(file) for name, file in self.solutions.items()}
         return {
-            name: table[(table["noise"] == "headline") & table["converged"]] for name, table in tables.items()
+            name: table[(table["noise"] == HEADLINE) & table["converged"]] for name, table in tables.items()
         }
 
     def paired(self, name: str, column: str, gauge: str, reference: str) -> np.ndarray:
@@ -89,16 +90,16 @@ class Evidence:
     ) -> Interval:
         """Interval of the median paired ratio of times, of an iteration where ``each``.
 
-        Pairs are solves of one trial and repeat; trials (of a sequence: repeats) are drawn anew.
+        Pairs are converged solves of one trial and repeat; trials (of a sequence: repeats) are drawn anew.
         """
         groups = []
         for name in names:
-            timing = pd.read_csv(self.timings[name])
-            seconds = timing["seconds"] / timing["iterations"] if each else timing["seconds"]
-            table = timing.assign(value=seconds).pivot(
-                index=["trial", "repeat"], columns="gauge", values="value"
-            )
-            ratio = table[gauge] / table[reference]
+            timing = timing_of(pd.read_csv(self.timings[name]), self.converged[name])
+            timing = timing[timing["gauge"].isin((gauge, reference))]
+            table = paired_ratios(timing, "gauge", reference, each=each)
+            if gauge not in table or not len(table):
+                raise NoEvidenceError(f"no trial of {name} converged under both {gauge} and {reference}")
+            ratio = table[gauge]
             by_trial = ratio.groupby("trial").median()
             groups.append((by_trial if len(by_trial) > 1 else ratio).to_numpy(dtype=float))
         return bootstrap(groups, median, self.criteria)

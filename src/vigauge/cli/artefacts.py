@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from vigauge.cli.stage import json_argument
+
 
 def named_text(text: str) -> tuple[str, str]:
     """NAME=TEXT of the command line."""
@@ -18,6 +20,16 @@ def named_file(text: str) -> tuple[str, Path]:
     """NAME=FILE of the command line."""
     name, file = named_text(text)
     return name, Path(file)
+
+
+def add_solver(arguments: argparse.ArgumentParser) -> None:
+    """``--solver`` JSON: the Levenberg-Marquardt options."""
+    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+
+
+def add_prior_weight(arguments: argparse.ArgumentParser, about: str = "w^P of Section V-A") -> None:
+    """``--prior-weight``, 1/m^2 and 1/rad^2."""
+    arguments.add_argument("--prior-weight", type=float, required=True, help=about)
 
 
 def add_published(arguments: argparse.ArgumentParser) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_problems, load_states, save_arrays
+from vigauge.cli.artefacts import add_prior_weight
 from vigauge.cli.stage import LOG, json_argument, parser, run
 from vigauge.covariance import covariance_of, spectrum, transform_covariance
 from vigauge.evaluation import relative_frobenius
@@ -47,7 +48,6 @@ def compare_gauges(
         "transformed": transformed,
         "fixed": fixed,
         "prior": with_prior,
-        "fixed_same_point": fixed,
         "transformed_same_point": same_point,
         "relative_frobenius_same_point": relative_frobenius(same_point, fixed),
         "relative_frobenius_converged": relative_frobenius(transformed, fixed),
@@ -89,7 +89,7 @@ def main() -> None:
     arguments.add_argument(
         "--states", type=Path, required=True, help="estimates in the order fix, prior, free"
     )
-    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
+    add_prior_weight(arguments)
     arguments.add_argument("--noise", type=json_argument, default={}, help="noise model, as in the config")
     arguments.add_argument(
         "--output", type=Path, required=True, help="output: covariances and their distances"

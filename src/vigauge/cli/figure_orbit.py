@@ -8,8 +8,8 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_problems
-from vigauge.cli.artefacts import stem_of
-from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.cli.artefacts import add_prior_weight, add_solver, stem_of
+from vigauge.cli.stage import parser, run, settings_from
 from vigauge.figures.chart import Chart
 from vigauge.figures.orbit import draw_paths, draw_transformation
 from vigauge.gauge import three_gauges
@@ -31,10 +31,8 @@ def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--problems", type=Path, required=True)
     arguments.add_argument("--trial", type=int, required=True, help="which of the problems")
-    arguments.add_argument(
-        "--prior-weight", type=float, required=True, help="a weak one, so that the paths differ"
-    )
-    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    add_prior_weight(arguments, "a weak one, so that the paths differ")
+    add_solver(arguments)
     arguments.add_argument("--paths", type=stem_of, required=True, help="PNG of Figure 2")
     arguments.add_argument("--transformation", type=stem_of, required=True, help="PNG of Figure 8")
     run(work, arguments)

@@ -14,7 +14,8 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from vigauge.archive import load_problems, load_states
-from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.cli.artefacts import add_solver
+from vigauge.cli.stage import LOG, parser, run, settings_from
 from vigauge.experiment import Trial, first_solves, solution_row, solve_interleaved, timing_row, trace_rows
 from vigauge.files import write_rows
 from vigauge.gauge import FreeGauge, Gauge, PriorGauge
@@ -49,7 +50,7 @@ def main() -> None:
     arguments.add_argument(
         "--weights", nargs="+", required=True, help="prior weights, as they are to be written"
     )
-    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    add_solver(arguments)
     arguments.add_argument("--sweep", type=Path, required=True, help="output: a row a solve")
     arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
     arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")

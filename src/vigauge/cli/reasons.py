@@ -14,7 +14,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_arrays, load_problems, load_states
-from vigauge.cli.artefacts import named_file
+from vigauge.cli.artefacts import add_prior_weight, add_solver, named_file
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.files import write_rows
 from vigauge.gauge import FixedGauge, Gauge, PriorGauge, three_gauges
@@ -126,8 +126,8 @@ def main() -> None:
     arguments.add_argument("--sweep-trace", type=Path, required=True, help="trace of the prior sweep")
     arguments.add_argument("--sweep-configuration", required=True, help="configuration of that sweep")
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
-    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
-    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    add_prior_weight(arguments)
+    add_solver(arguments)
     arguments.add_argument("--settings", type=json_argument, required=True, help="config section 'reasons'")
     arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
     run(work, arguments)

@@ -10,12 +10,14 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from vigauge.cli.artefacts import add_prior_weight, add_solver
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.errors import ConfigError
 from vigauge.experiment import Trial, first_solves, solution_row, solve_interleaved
 from vigauge.files import write_rows
 from vigauge.gauge import three_gauges
 from vigauge.levenberg_marquardt import Options
+from vigauge.names import HEADLINE
 from vigauge.simulation.scenario import make_scene, make_trials
 from vigauge.simulation.settings import SimulationSettings
 
@@ -45,7 +47,7 @@ def work(options: argparse.Namespace) -> None:
     gauges = three_gauges(options.prior_weight)
     for points, trajectory in product(("plane", "random"), ("sine", "arc", "rec")):
         scene = make_scene(trajectory, points, settings)
-        trials = [Trial({"noise": "headline", "trial": i}, p) for i, p in enumerate(make_trials(scene))]
+        trials = [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(make_trials(scene))]
         with threadpool_limits(limits=1):
             solves = solve_interleaved(trials, gauges, solver, clock=lambda: 0.0, warm_up=False)
         rows = [solution_row(solve, scene.truth) for solve in first_solves(solves, gauges)]
@@ -61,8 +63,8 @@ def main() -> None:
     arguments.add_argument(
         "--settings", type=json_argument, required=True, help="config section 'simulation'"
     )
-    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
-    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
+    add_solver(arguments)
+    add_prior_weight(arguments)
     arguments.add_argument(
         "--output", type=Path, required=True, help="folder that gets a CSV a configuration"
     )

@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from vigauge.archive import load_problems, load_states, save_states
+from vigauge.cli.artefacts import add_prior_weight, add_solver
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.consistency import chi_square
 from vigauge.errors import ConfigError
@@ -98,8 +99,8 @@ def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--problems", type=Path, required=True)
     arguments.add_argument("--truth", type=Path, required=True)
-    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
-    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    add_prior_weight(arguments)
+    add_solver(arguments)
     arguments.add_argument(
         "--noise", type=json_argument, default={}, help="noise models: sigma_px and density_factor"
     )

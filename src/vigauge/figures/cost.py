@@ -14,7 +14,8 @@ import pandas as pd
 
 from ..files import write_rows
 from ..names import GAUGES
-from .statistics import box_row, converged_only, from_row, time_per_iteration_ratios, timing_of
+from ..timing import timing_of
+from .statistics import box_row, converged_only, from_row, time_per_iteration_ratios
 from .style import (
     COLOURS,
     COLUMN,

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from ..files import write_rows
-from .statistics import box_row, converged_only, from_row, timing_of
+from ..timing import timing_of
+from .statistics import box_row, converged_only, from_row
 from .style import COLUMN, PAGE, PUBLISHED, box_plot, new_figure, save_figure
 
 _QUANTITIES = (

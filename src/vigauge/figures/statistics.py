@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..timing import paired_ratios
+
 
 def box(values: np.ndarray) -> dict[str, Any]:
     """Quartiles, and whiskers at the last data within 1.5 interquartile ranges (as the paper's boxes).
@@ -47,12 +49,6 @@ def converged_only(solutions: pd.DataFrame) -> tuple[pd.DataFrame, int]:
     return good, len(solutions) - len(good)
 
 
-def timing_of(timing: pd.DataFrame, solutions: pd.DataFrame, label: str = "gauge") -> pd.DataFrame:
-    """Timings of the runs (``label``, trial) that are among ``solutions``."""
-    runs = solutions[[label, "trial"]].drop_duplicates()
-    return timing.merge(runs, on=[label, "trial"], how="inner")
-
-
 def time_per_iteration_ratios(
     timing: pd.DataFrame, label: str = "gauge", reference: str = "fix"
 ) -> dict[str, np.ndarray]:
@@ -60,7 +56,5 @@ def time_per_iteration_ratios(
 
     Pairs in which a run is missing are left out.
     """
-    timing = timing.assign(each=timing["seconds"] / timing["iterations"])
-    table = timing.pivot(index=["trial", "repeat"], columns=label, values="each")
-    table = table.reindex(columns=sorted({*table.columns, reference})).dropna()
-    return {name: (table[name] / table[reference]).to_numpy() for name in table.columns}
+    table = paired_ratios(timing, label, reference, each=True)
+    return {name: table[name].to_numpy() for name in table.columns}
