@@ -253,3 +253,20 @@ def test_rows_have_the_columns_and_verdicts_of_the_contract(tmp_path: Path) -> N
     for row in rows:
         assert list(row) == ["id", "section", "claim", "published", "measured", "criterion", "verdict"]
         assert row["verdict"] in ("holds", "differs", "not tested")
+
+
+def test_times_of_runs_that_did_not_converge_enter_no_ratio(tmp_path: Path) -> None:
+    """A run that stopped at the iteration limit and took ten times as long, judged as a slow gauge."""
+
+    def failed(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[(table["gauge"] == "free") & (table["trial"] % 2 == 0), "converged"] = False
+        return table
+
+    def slow(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[(table["gauge"] == "free") & (table["trial"] % 2 == 0), "seconds"] *= 10.0
+        return table
+
+    results = Results(tmp_path, solutions={"arc_plane": failed}, timing={"arc_plane": slow})
+    ratio = evidence(results).time_ratio(["arc_plane"], "free", each=True)
+    assert ratio.estimate == pytest.approx(1.02)
+    assert ratio.high == pytest.approx(1.02)
