@@ -265,14 +265,14 @@ def test_a_start_without_cost_is_reported(gauge):
 
 def test_a_step_without_cost_is_rejected(monkeypatch):
     """Catches a NaN that passes for progress: such a step is shortened like any bad one."""
-    visual_residual, calls = lm.visual_residual, []
+    evaluate, calls = lm.evaluate, []
 
     def broken_once(problem, state):
         calls.append(1)
-        residual = visual_residual(problem, state)
-        return residual * np.nan if len(calls) == 2 else residual
+        found = evaluate(problem, state)
+        return replace(found, cost=np.nan) if len(calls) == 2 else found
 
-    monkeypatch.setattr(lm, "visual_residual", broken_once)
+    monkeypatch.setattr(lm, "evaluate", broken_once)
     solution = solve(trial(), FreeGauge())
     assert [row.accepted for row in solution.trace[:3]] == [True, False, True]
     assert solution.trace[1].radius == 5e3

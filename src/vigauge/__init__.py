@@ -30,6 +30,8 @@ _PUBLIC = {
     "solve": "levenberg_marquardt",
     "Options": "levenberg_marquardt",
     "motion_covariance": "covariance",
+    "keyframe_covariances": "marginals",
+    "landmark_covariances": "marginals",
     "transform_covariance": "covariance",
     "project_covariance": "covariance",
     "covariance_from_hessian": "covariance",

@@ -3,9 +3,9 @@
 All of them are one family. Let G be any symmetric matrix with H G H = H. Then Q G Q^T,
 with the oblique projector Q = I - U (V^T U)^-1 V^T of Eq. (14), is the covariance in the
 gauge with normal V, whichever G was used. V = U gives the Moore-Penrose inverse, the free
-gauge. G comes from the reduced camera system, whose null space is known in closed form
-(15), so nothing is ever decomposed into singular values, and the cost grows linearly with
-the number of landmarks.
+gauge. G is the inverse of the reduced camera system with the first position and yaw held, and the
+null space is known in closed form (15), so nothing is ever decomposed into singular values, and
+the cost grows linearly with the number of landmarks.
 """
 
 from __future__ import annotations
@@ -17,8 +17,11 @@ import scipy.linalg
 
 from . import so3
 from .errors import DataError, DegenerateError
-from .gauge import Gauge, GaugePrior, orbit_tangent
-from .normal_equations import Index, NormalEquations, ReducedSystem, linearise
+from .gauge import Gauge, GaugePrior, first_pose_columns, orbit_tangent
+from .held_inverse import HeldInverse
+from .kernels import symmetric
+from .layout import Index
+from .normal_equations import NormalEquations, ReducedSystem, linearise
 from .problem import Problem
 from .so3 import Array
 from .state import State
@@ -109,64 +112,103 @@ def motion_covariance(problem: Problem, state: State, gauge: Gauge) -> Array:
 
 def covariance_of(equations: NormalEquations, state: State, gauge: Gauge, reference: State) -> Array:
     """As :func:`motion_covariance`, from normal equations at hand."""
-    prior = gauge.prior(state, reference)
-    reduced = equations.eliminate()
-    if prior is not None:
-        return _with_prior(reduced, state, prior)
-    held = gauge.held(state)
-    if len(held):
-        return _inverse_without(reduced.matrix, held)
-    return _projected(reduced, state, gauge.normal(state))
+    projection = GaugeProjection.of(equations.eliminate(), state, gauge, reference)
+    return projection.apply(projection.inverse.dense())
 
 
-def _inverse_without(matrix: Array, held: Index) -> Array:
-    keep = np.setdiff1d(np.arange(len(matrix)), held)
-    covariance = np.zeros_like(matrix)
-    covariance[np.ix_(keep, keep)] = _inverse(matrix[np.ix_(keep, keep)])
-    return covariance
+@dataclass(frozen=True)
+class GaugeProjection:
+    """What takes G, the inverse with columns held, to a gauge: Q G Q^T + B B^T, motion block.
 
+    With M = (V^T U)^-1, Q G Q^T is G - A W^T - W A^T, a rank-8 update with W = U M and
+    A = G V - W (V^T G V) / 2. The landmarks enter through four columns only. Where the gauge
+    is the one that G holds there is nothing to project and A is None.
 
-def _with_prior(reduced: ReducedSystem, state: State, prior: GaugePrior) -> Array:
-    """Motion block of (H + V V^T)^-1, where V^T is the whitened Jacobian of the prior.
+    A prior on four gauge parameters says nothing about the shape, so its covariance is the one
+    of the gauge with its normal V, plus the freedom B that it leaves along the orbit:
+    B = U (V^T U)^-1 with V^T the prior's whitened Jacobian. That is exact at any weight, where
+    an inverse of H + V V^T is not.
 
-    A prior on four gauge parameters says nothing about the shape, so this is the covariance
-    in the gauge with normal V plus the freedom that the prior leaves along the orbit:
-    U M M^T U^T with M = (V^T U)^-1. It stays exact at any weight, where H + V V^T does not.
+    ``A``, ``W``, ``B`` (9N + 3K, 4) or None: rows of all parameters in the package's order.
     """
+
+    inverse: HeldInverse
+    A: Array | None
+    W: Array | None
+    B: Array | None
+
+    @classmethod
+    def of(
+        cls, reduced: ReducedSystem, state: State, gauge: Gauge, reference: State, *, landmarks: bool = False
+    ) -> GaugeProjection:
+        """The projection for a gauge; with ``landmarks`` their rows are computed too."""
+        held, prior = gauge.held(state), gauge.prior(state, reference)
+        if len(held):
+            return cls(HeldInverse.of(reduced, held), None, None, None)
+        inverse = HeldInverse.of(reduced, first_pose_columns(state))
+        U = orbit_tangent(state)
+        V = _prior_normal(state, prior) if prior is not None else gauge.normal(state)
+        W = _times_inverse(U, V.T @ U)
+        outside = V.copy()
+        outside[inverse.held] = 0.0
+        A = None
+        if np.any(outside):
+            A = cls._half_update(reduced, inverse, V, W, landmarks)
+        return cls(inverse, A, W, W if prior is not None else None)
+
+    @staticmethod
+    def _half_update(
+        reduced: ReducedSystem, inverse: HeldInverse, V: Array, W: Array, landmarks: bool
+    ) -> Array:
+        n_motion = 9 * reduced.structure.n_keyframes
+        through: Array = V[:n_motion]
+        V_G_V: Array = np.zeros((4, 4))
+        if np.any(V[n_motion:]):
+            taken, V_G_V = reduced.couple(V[n_motion:])
+            through = through - taken
+        G_V = inverse.times(through)
+        V_G_V = V_G_V + through.T @ G_V
+        if landmarks:
+            G_V = np.concatenate([G_V, reduced.through_landmarks(V[n_motion:], G_V)])
+        return G_V - 0.5 * W[: len(G_V)] @ V_G_V
+
+    def apply(self, G: Array) -> Array:
+        """The motion block (9N, 9N) in the gauge, from G dense."""
+        n = len(G)
+        if self.A is not None and self.W is not None:
+            projected = np.empty_like(G)
+            symmetric.subtract_outer(G, self.A[:n], self.W[:n], projected)
+            G = projected
+        return G if self.B is None else G + self.B[:n] @ self.B[:n].T
+
+    def apply_block(self, G: Array, rows: Index) -> Array:
+        """A diagonal block in the gauge over some parameters, from that block of G."""
+        if self.A is not None and self.W is not None:
+            cross = self.A[rows] @ self.W[rows].T
+            G = G - cross - cross.T
+        return G if self.B is None else G + self.B[rows] @ self.B[rows].T
+
+
+def _prior_normal(state: State, prior: GaugePrior) -> Array:
     V = np.zeros((state.n_parameters, len(prior.residual)))
     V[prior.columns] = prior.jacobian.T
-    U = orbit_tangent(state)
+    return V
+
+
+def _times_inverse(U: Array, V_T_U: Array) -> Array:
+    """U (V^T U)^-1. Raises DegenerateError where the constraints leave part of the orbit free."""
     try:
-        along = np.linalg.solve((V.T @ U).T, U[: len(reduced.matrix)].T)
+        return np.linalg.solve(V_T_U.T, U.T).T
     except np.linalg.LinAlgError as error:
-        raise DegenerateError("the prior leaves part of the gauge free") from error
-    return _projected(reduced, state, V) + along.T @ along
-
-
-def _projected(reduced: ReducedSystem, state: State, V: Array) -> Array:
-    """Motion block of Q G Q^T, with G built on the inverse of S off its null space.
-
-    With M = (V^T U)^-1 this is G - U M (V^T G) - (G V) M^T U^T + U M (V^T G V) M^T U^T: the
-    landmarks enter through four columns only.
-    """
-    n_motion = len(reduced.matrix)
-    U = orbit_tangent(state)
-    U_motion, V_motion = U[:n_motion], V[:n_motion]
-    V_landmark = V[n_motion:].reshape(-1, 3, 4)
-    G = _inverse_on_complement(reduced.matrix, U_motion)
-    half_V = reduced.factor @ V_landmark  # F V_l, with F^T F = C^-1
-    through = V_motion - reduced.couple_back(half_V)
-    G_V = G @ through
-    V_G_V = through.T @ G_V + np.einsum("kij,kil->jl", half_V, half_V)
-    return _low_rank_projection(G, G_V, V_G_V, U_motion, V.T @ U)
+        raise DegenerateError("the gauge's constraints leave part of the gauge free") from error
 
 
 def _low_rank_projection(G: Array, G_V: Array, V_G_V: Array, U: Array, V_T_U: Array) -> Array:
     """Q G Q^T from G, G V and V^T G V: a rank-8 update."""
-    W = np.linalg.solve(V_T_U.T, U.T).T  # U M
-    cross = (G_V - 0.5 * W @ V_G_V) @ W.T
-    out = G - cross - cross.T
-    return 0.5 * (out + out.T)
+    W = _times_inverse(U, V_T_U)
+    out = np.empty_like(G)
+    symmetric.subtract_outer(G, G_V - 0.5 * W @ V_G_V, W, out)
+    return out
 
 
 def project_covariance(covariance: Array, U: Array, V: Array) -> Array:
@@ -178,6 +220,7 @@ def project_covariance(covariance: Array, U: Array, V: Array) -> Array:
     U : (n, 4) basis of the null space of H (the orbit's tangent)
     V : (n, 4) normal of the gauge wanted
     """
+    covariance = 0.5 * (covariance + covariance.T)
     covariance_V = covariance @ V
     return _low_rank_projection(covariance, covariance_V, V.T @ covariance_V, U, V.T @ U)
 

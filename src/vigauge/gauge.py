@@ -60,15 +60,19 @@ def orbit_tangent(state: State) -> Array:
     Eq. (9), order of :mod:`vigauge.state`. Biases, which a gauge does not move, have zero rows.
     """
     n, k = state.n_keyframes, state.n_landmarks
-    e_z = np.array([0.0, 0.0, 1.0])
     U = np.zeros((3 * n + k, 3, 4))
-    U[:n, :, 0] = np.cross(e_z, state.p_W)
+    for block, vectors in (
+        (U[:n], state.p_W),
+        (U[2 * n : 3 * n], state.v_W),
+        (U[3 * n :], state.X_W),
+    ):
+        # e_z x a = (-a_y, a_x, 0)
+        block[:, 0, 0] = -vectors[:, 1]
+        block[:, 1, 0] = vectors[:, 0]
     U[:n, :, 1:] = np.eye(3)
-    U[n : 2 * n, :, 0] = e_z
-    U[n, :, 0] = so3.left_jacobian_inverse(state.dphi_0) @ e_z
-    U[2 * n : 3 * n, :, 0] = np.cross(e_z, state.v_W)
-    U[3 * n :, :, 0] = np.cross(e_z, state.X_W)
     U[3 * n :, :, 1:] = np.eye(3)
+    U[n : 2 * n, 2, 0] = 1.0
+    U[n, :, 0] = so3.left_jacobian_inverse(state.dphi_0)[:, 2]
     return U.reshape(-1, 4)
 
 

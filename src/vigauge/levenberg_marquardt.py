@@ -17,9 +17,9 @@ import numpy as np
 
 from .errors import SolverError
 from .gauge import Gauge
-from .normal_equations import NormalEquations, Structure, assemble
+from .normal_equations import NormalEquations, linearise
 from .problem import Problem
-from .residuals import inertial_residual, inertial_term, visual_residual, visual_term
+from .residuals import evaluate
 from .so3 import Array
 from .state import State
 
@@ -119,11 +119,11 @@ class _TrustRegion:
 
 @dataclass(frozen=True)
 class _Evaluation:
-    """Cost and visual residual of a state, gauge prior included."""
+    """A state, its cost with the gauge's prior, and the mean reprojection error."""
 
     state: State
     cost: float
-    visual: Array
+    mean_reprojection_px: float
 
 
 class _Objective:
@@ -132,24 +132,17 @@ class _Objective:
     def __init__(self, problem: Problem, gauge: Gauge) -> None:
         self.problem = problem
         self.gauge = gauge
-        self.structure = Structure.of(problem)
 
     def evaluate(self, state: State) -> _Evaluation:
-        # A trial step may go anywhere, even put a landmark at depth zero: its cost is then not
-        # finite, which the loop handles, so the arithmetic need not warn.
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            visual = visual_residual(self.problem, state)
-            inertial = inertial_residual(self.problem, state)
-            cost = 0.5 * (float(np.vdot(visual, visual)) + float(np.vdot(inertial, inertial)))
+        found = evaluate(self.problem, state)
+        cost = found.cost
         prior = self.gauge.prior(state, self.problem.initial)
         if prior is not None:
             cost += 0.5 * float(prior.residual @ prior.residual)
-        return _Evaluation(state, cost, visual)
+        return _Evaluation(state, cost, found.mean_reprojection_px)
 
     def linearise(self, state: State) -> NormalEquations:
-        equations = assemble(
-            self.structure, self.problem, visual_term(self.problem, state), inertial_term(self.problem, state)
-        )
+        equations = linearise(self.problem, state)
         prior = self.gauge.prior(state, self.problem.initial)
         if prior is not None:
             equations = equations.with_prior(prior.columns, prior.residual, prior.jacobian)
@@ -276,13 +269,12 @@ class _Run:
 
     def _record(self, accepted: bool) -> None:
         state, start = self.here.state, self.problem.initial
-        error_px = np.linalg.norm(self.here.visual, axis=1) * self.problem.sigma_px
         self.trace.append(
             Iteration(
                 cost=self.here.cost,
                 radius=self.region.radius,
                 accepted=accepted,
-                mean_reprojection_px=float(error_px.mean()) if error_px.size else 0.0,
+                mean_reprojection_px=self.here.mean_reprojection_px,
                 prior_position_m=float(np.linalg.norm(state.p_W[0] - start.p_W[0])),
                 prior_yaw_rad=float(abs(state.dphi_0[2])),
                 seconds=self.clock() - self.begin,

@@ -17,12 +17,22 @@ from .errors import DataError
 from .imu import Preintegrated
 from .so3 import Array
 from .state import State
+from .structure import Structure
 
 
 def _require_finite(file: str, name: str, array: Array) -> None:
     if not np.all(np.isfinite(array)):
         row = int(np.argwhere(~np.isfinite(array))[0][0])
         raise DataError(file, "must be finite", field=name, row=row, value=array[row])
+
+
+def _make_contiguous(owner: object, names: tuple[str, ...], dtype: type) -> None:
+    """One form for compiled code; arrays that have it are kept as they are."""
+    for name in names:
+        array = np.asarray(getattr(owner, name))
+        if not np.can_cast(array.dtype, dtype, "same_kind"):
+            raise DataError("problem", f"must hold {dtype.__name__}", field=name, value=array.dtype)
+        object.__setattr__(owner, name, np.ascontiguousarray(array, dtype=dtype))
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,8 @@ class InertialFactors:
     covariance: Array
 
     def __post_init__(self) -> None:
+        _make_contiguous(self, ("first", "second"), np.int64)
+        _make_contiguous(self, ("dt", "dp", "dR", "dv", "covariance"), np.float64)
         count = len(self.dt)
         for name, shape in (
             ("first", (count,)),
@@ -120,6 +132,8 @@ class Problem:
     gravity: float
 
     def __post_init__(self) -> None:
+        _make_contiguous(self, ("obs_keyframe", "obs_camera", "obs_landmark"), np.int64)
+        _make_contiguous(self, ("obs_uv",), np.float64)
         n, k, m = self.initial.n_keyframes, self.initial.n_landmarks, len(self.obs_uv)
         if self.obs_uv.shape != (m, 2):
             raise DataError("problem", f"must have shape ({m}, 2)", field="obs_uv", value=self.obs_uv.shape)
@@ -201,13 +215,23 @@ class Problem:
         return replace(self, sigma_px=sigma_px, inertial=replace(self.inertial, covariance=covariance))
 
     @cached_property
+    def structure(self) -> Structure:
+        """Which observations meet: the same at every state."""
+        return Structure.of(
+            self.initial.n_keyframes,
+            self.initial.n_landmarks,
+            self.obs_keyframe,
+            self.obs_landmark,
+            (self.inertial.first, self.inertial.second),
+        )
+
+    @cached_property
     def camera_arrays(self) -> dict[str, Array]:
-        """Intrinsics and extrinsics of the cameras, stacked along the first axis."""
+        """``intrinsics`` (C, 4) (fx, fy, cx, cy) and the extrinsics ``R_BC``, ``p_BC``, stacked."""
+        n = len(self.cameras)
+        intrinsics = np.array([(c.fx, c.fy, c.cx, c.cy) for c in self.cameras], dtype=float).reshape(n, 4)
         return {
-            "fx": np.array([c.fx for c in self.cameras]),
-            "fy": np.array([c.fy for c in self.cameras]),
-            "cx": np.array([c.cx for c in self.cameras]),
-            "cy": np.array([c.cy for c in self.cameras]),
-            "R_BC": np.array([c.R_BC for c in self.cameras]),
-            "p_BC": np.array([c.p_BC for c in self.cameras]),
+            "intrinsics": intrinsics,
+            "R_BC": np.array([c.R_BC for c in self.cameras], dtype=float).reshape(n, 3, 3),
+            "p_BC": np.array([c.p_BC for c in self.cameras], dtype=float).reshape(n, 3),
         }

@@ -16,6 +16,7 @@ import numpy as np
 
 from . import so3
 from .errors import DataError
+from .kernels.rotation import retract_rotations
 from .so3 import Array
 
 
@@ -66,6 +67,11 @@ class State:
     dphi_0: Array
     R_WB0_ref: Array
 
+    def __post_init__(self) -> None:
+        # One form for compiled code; arrays that have it are kept as they are.
+        for name in ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=float))
+
     @classmethod
     def start(cls, p_W: Array, R_WB: Array, v_W: Array, X_W: Array) -> State:
         """A state whose first rotation is its own reference: dphi_0 = 0.
@@ -114,10 +120,10 @@ class State:
     def retract(self, delta: Array) -> State:
         """The state moved by an increment (9N + 3K,) in the order of this module, Eqs. (8)-(9)."""
         n = self.n_keyframes
-        step = delta[: 9 * n].reshape(3, n, 3)
+        step = np.ascontiguousarray(delta[: 9 * n], dtype=float).reshape(3, n, 3)
         dphi_0 = self.dphi_0 + step[1, 0]
-        R_WB = so3.exp(step[1]) @ self.R_WB
-        R_WB[0] = so3.exp(dphi_0) @ self.R_WB0_ref
+        R_WB = np.empty_like(self.R_WB)
+        retract_rotations(self.R_WB, step[1], dphi_0, self.R_WB0_ref, R_WB)
         return replace(
             self,
             p_W=self.p_W + step[0],

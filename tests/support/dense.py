@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from support.plain_residuals import inertial_term, visual_term
 from vigauge.problem import Problem
-from vigauge.residuals import inertial_residual, inertial_term, visual_residual, visual_term
+from vigauge.residuals import inertial_residual, visual_residual
 from vigauge.state import State
 
 

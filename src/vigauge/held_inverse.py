@@ -1,0 +1,102 @@
+"""The inverse of the reduced camera system with some columns held: one generalised inverse of H.
+
+Any gauge's covariance follows from it by a projection of low rank, see :mod:`vigauge.covariance`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg.lapack as lapack
+
+from .errors import DegenerateError, SolverError
+from .kernels import symmetric
+from .layout import Factorised, Index, by_keyframe, by_kind
+from .normal_equations import ReducedSystem
+from .so3 import Array
+
+
+@dataclass(frozen=True)
+class HeldInverse:
+    """G: S^-1 without the ``held`` columns of the package's order, whose rows and columns in G are zero.
+
+    Raises DegenerateError where more than the held columns is unobservable.
+    """
+
+    reduced: ReducedSystem
+    held: Index
+    factorised: Factorised
+
+    @classmethod
+    def of(cls, reduced: ReducedSystem, held: Index) -> HeldInverse:
+        layout = reduced.structure.layout
+        storage = reduced.storage.copy()
+        layout.hold(storage, held)
+        try:
+            return cls(reduced, held, layout.factorise(storage))
+        except SolverError as error:
+            raise DegenerateError("the information matrix is not positive definite in this gauge") from error
+
+    def times(self, columns: Array) -> Array:
+        """G B for columns B (9N, c) in the package's order."""
+        layout = self.reduced.structure.layout
+        right = by_keyframe(columns, len(layout.place))
+        right = layout.to_stored(right).copy()
+        right[layout.stored[self.held]] = 0.0
+        return by_kind(layout.from_stored(self.factorised.solve(right)))
+
+    def dense(self) -> Array:
+        """(9N, 9N) G in the package's order."""
+        layout = self.reduced.structure.layout
+        factor = self.factorised.factor
+        if layout.banded:
+            lower, _ = lapack.dpbtrs(factor, np.eye(layout.size), lower=1)
+        else:
+            lower, _ = lapack.dpotri(factor, lower=1)
+        self._require_regular(np.diagonal(lower))
+        at = layout.stored[self.held]
+        lower[at], lower[:, at] = 0.0, 0.0
+        out = np.empty((layout.size, layout.size))
+        symmetric.unpack(lower, layout.stored, out)
+        return out
+
+    @cached_property
+    def _band(self) -> Array:
+        """Entries of the inverse inside the band, LAPACK's lower band form, stored order."""
+        out = np.zeros_like(self.factorised.factor)
+        symmetric.selected_inverse(self.factorised.factor, out)
+        self._require_regular(out[0])
+        return out
+
+    def block(self, first: Index, second: Index) -> Array:
+        """(len(first), len(second)) entries of G; in the band of S, where S has a band."""
+        layout = self.reduced.structure.layout
+        row, column = layout.stored[first][:, None], layout.stored[second][None, :]
+        low, high = np.minimum(row, column), np.maximum(row, column)
+        entries = self._band[high - low, low] if layout.banded else self._lower[high, low]
+        held = np.isin(first, self.held)[:, None] | np.isin(second, self.held)[None, :]
+        return np.where(held, 0.0, entries)
+
+    @cached_property
+    def _lower(self) -> Array:
+        lower, _ = lapack.dpotri(self.factorised.factor, lower=1)
+        self._require_regular(np.diagonal(lower))
+        return lower
+
+    def _require_regular(self, diagonal: Array) -> None:
+        """A factorisation may succeed on a singular matrix, with pivots made of rounding errors.
+
+        The trace of the scaled inverse lies between one and n times 1 / (smallest eigenvalue).
+        """
+        layout = self.reduced.structure.layout
+        n = layout.size
+        at = layout.stored[self.held]
+        information = layout.diagonal(self.reduced.storage)
+        trace = float(diagonal @ information - diagonal[at] @ information[at])
+        if not trace * 10 * n * np.finfo(float).eps <= 1.0:
+            raise DegenerateError(
+                "more is unobservable than the gauge: the scaled information is singular "
+                f"(below {n / trace:.0e})"
+            )

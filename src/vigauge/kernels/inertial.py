@@ -1,0 +1,194 @@
+"""Preintegration errors (Forster et al., the paper's [5]) and their share of the normal equations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..so3 import Array
+from . import rotation
+from .compiled import kernel
+from .visual import Index
+
+
+@kernel
+def _error(
+    i: int,
+    j: int,
+    dt: float,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    gravity: float,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    shift: Array,
+    change: Array,
+    turn: Array,
+    scratch: Array,
+) -> None:
+    """Predicted shift and change of velocity in the first frame, and the rotation error."""
+    R_i, R_j = R_WB[i], R_WB[j]
+    x = p_W[j, 0] - p_W[i, 0] - v_W[i, 0] * dt
+    y = p_W[j, 1] - p_W[i, 1] - v_W[i, 1] * dt
+    z = p_W[j, 2] - p_W[i, 2] - v_W[i, 2] * dt + 0.5 * gravity * dt * dt
+    a = v_W[j, 0] - v_W[i, 0]
+    b = v_W[j, 1] - v_W[i, 1]
+    c = v_W[j, 2] - v_W[i, 2] + gravity * dt
+    for r in range(3):
+        shift[r] = R_i[0, r] * x + R_i[1, r] * y + R_i[2, r] * z
+        change[r] = R_i[0, r] * a + R_i[1, r] * b + R_i[2, r] * c
+    # dR^T R_i^T R_j
+    for r in range(3):
+        for s in range(3):
+            scratch[r, s] = R_i[0, r] * R_j[0, s] + R_i[1, r] * R_j[1, s] + R_i[2, r] * R_j[2, s]
+    for s in range(3):
+        x, y, z = scratch[0, s], scratch[1, s], scratch[2, s]
+        for r in range(3):
+            scratch[r, s] = dR[0, r] * x + dR[1, r] * y + dR[2, r] * z
+    rotation.log(scratch, turn)
+
+
+@kernel
+def residuals(
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    out: Array,
+) -> float:
+    """Whitened errors into ``out`` (F, 9), order (position, rotation, velocity); the sum of squares."""
+    shift, change, turn, error = np.empty(3), np.empty(3), np.empty(3), np.empty(9)
+    scratch = np.empty((3, 3))
+    squares = 0.0
+    for f in range(len(dt)):
+        _error(
+            first[f],
+            second[f],
+            dt[f],
+            dp[f],
+            dR[f],
+            dv[f],
+            gravity,
+            p_W,
+            R_WB,
+            v_W,
+            shift,
+            change,
+            turn,
+            scratch,
+        )
+        for a in range(3):
+            error[a], error[3 + a], error[6 + a] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
+        for a in range(9):
+            value = 0.0
+            for b in range(a + 1):
+                value += whitener[f, a, b] * error[b]
+            out[f, a] = value
+            squares += value * value
+    return squares
+
+
+@kernel
+def _jacobian(
+    dt: float, R_i: Array, R_j: Array, shift: Array, change: Array, inverse: Array, J: Array
+) -> None:
+    """(9, 18) derivative of the error by (position, rotation, velocity) of both keyframes, left increments.
+
+    R_i^T hat(a_W) = hat(R_i^T a_W) R_i^T; entries that are always zero are left alone.
+    """
+    for b in range(3):
+        x, y, z = R_i[b, 0], R_i[b, 1], R_i[b, 2]
+        for a in range(3):
+            J[a, b] = -R_i[b, a]
+            J[a, 6 + b] = -R_i[b, a] * dt
+            J[6 + a, 6 + b] = -R_i[b, a]
+            J[a, 9 + b] = R_i[b, a]
+            J[6 + a, 15 + b] = R_i[b, a]
+            turned = inverse[a, 0] * R_j[b, 0] + inverse[a, 1] * R_j[b, 1] + inverse[a, 2] * R_j[b, 2]
+            J[3 + a, 3 + b] = -turned
+            J[3 + a, 12 + b] = turned
+        J[0, 3 + b] = shift[1] * z - shift[2] * y
+        J[1, 3 + b] = shift[2] * x - shift[0] * z
+        J[2, 3 + b] = shift[0] * y - shift[1] * x
+        J[6, 3 + b] = change[1] * z - change[2] * y
+        J[7, 3 + b] = change[2] * x - change[0] * z
+        J[8, 3 + b] = change[0] * y - change[1] * x
+
+
+@kernel
+def accumulate(
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    chain: Array,
+    column: Index,
+    stride: int,
+    storage: Array,
+    gradient: Array,
+) -> None:
+    """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (N, 9).
+
+    ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
+    """
+    shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    inverse, J, W_J = np.empty((3, 3)), np.zeros((9, 18)), np.empty((9, 18))
+    error, white = np.empty(9), np.empty(9)
+    at = np.empty(18, dtype=np.int64)
+    for f in range(len(dt)):
+        i, j = first[f], second[f]
+        _error(i, j, dt[f], dp[f], dR[f], dv[f], gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
+        rotation.right_jacobian_inverse(turn, inverse)
+        _jacobian(dt[f], R_WB[i], R_WB[j], shift, change, inverse, J)
+        for side in range(2):
+            k = i if side == 0 else j
+            if k == 0:
+                for a in range(9):
+                    x, y, z = J[a, 9 * side + 3], J[a, 9 * side + 4], J[a, 9 * side + 5]
+                    for b in range(3):
+                        J[a, 9 * side + 3 + b] = x * chain[0, b] + y * chain[1, b] + z * chain[2, b]
+            for a in range(9):
+                at[9 * side + a] = column[k] + a
+        for a in range(3):
+            error[a], error[3 + a], error[6 + a] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
+        W_J[:] = 0.0
+        for a in range(9):
+            value = 0.0
+            for b in range(a + 1):
+                w = whitener[f, a, b]
+                value += w * error[b]
+                for c in range(18):
+                    W_J[a, c] += w * J[b, c]
+            white[a] = value
+        for side in range(2):
+            k = i if side == 0 else j
+            for b in range(9):
+                value = 0.0
+                for a in range(9):
+                    value += W_J[a, 9 * side + b] * white[a]
+                gradient[k, b] += value
+        for c in range(18):
+            for r in range(18):
+                if at[r] >= at[c]:
+                    value = 0.0
+                    for a in range(9):
+                        value += W_J[a, r] * W_J[a, c]
+                    storage[at[c] * stride + at[r]] += value
+        # The entries that the first keyframe's chain filled in may be always zero for the next factor.
+        if i == 0 or j == 0:
+            J[:] = 0.0

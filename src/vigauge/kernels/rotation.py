@@ -1,0 +1,113 @@
+"""Scalar forms of :mod:`vigauge.so3`, for use inside kernels; matrices are filled in place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..so3 import SERIES_ANGLE, Array
+from .compiled import kernel
+
+SERIES_SQUARED = SERIES_ANGLE**2
+
+
+@kernel
+def _polynomial(linear: float, quadratic: float, phi: Array, sign: float, out: Array) -> None:
+    """out = I + linear * hat(sign phi) + quadratic * hat(phi)^2."""
+    x, y, z = phi[0], phi[1], phi[2]
+    s = linear * sign
+    out[0, 0] = 1.0 - quadratic * (y * y + z * z)
+    out[1, 1] = 1.0 - quadratic * (x * x + z * z)
+    out[2, 2] = 1.0 - quadratic * (x * x + y * y)
+    out[0, 1] = quadratic * x * y - s * z
+    out[1, 0] = quadratic * x * y + s * z
+    out[0, 2] = quadratic * x * z + s * y
+    out[2, 0] = quadratic * x * z - s * y
+    out[1, 2] = quadratic * y * z - s * x
+    out[2, 1] = quadratic * y * z + s * x
+
+
+@kernel
+def exp(phi: Array, out: Array) -> None:
+    """Rotation matrix of a rotation vector."""
+    squared = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+    angle = math.sqrt(squared)
+    linear, half = 1.0, 1.0
+    if angle > 0.0:
+        linear = math.sin(angle) / angle
+        half = math.sin(0.5 * angle) / (0.5 * angle)
+    _polynomial(linear, 0.5 * half * half, phi, 1.0, out)
+
+
+@kernel
+def left_jacobian(phi: Array, out: Array) -> None:
+    """J_l(phi): Exp(phi + d) = Exp(J_l d) Exp(phi)."""
+    t = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+    angle = math.sqrt(t)
+    half = 1.0
+    if angle > 0.0:
+        half = math.sin(0.5 * angle) / (0.5 * angle)
+    if t < SERIES_SQUARED:
+        cubic = 1 / 6 + t * (-1 / 120 + t * (1 / 5040 + t * (-1 / 362880 + t * (1 / 39916800))))
+    else:
+        cubic = (angle - math.sin(angle)) / (angle * t)
+    _polynomial(0.5 * half * half, cubic, phi, 1.0, out)
+
+
+@kernel
+def right_jacobian_inverse(phi: Array, out: Array) -> None:
+    """J_r(phi)^-1 = J_l(-phi)^-1."""
+    t = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+    if t < SERIES_SQUARED:
+        coefficient = 1 / 12 + t * (
+            1 / 720 + t * (1 / 30240 + t * (1 / 1209600 + t * (1 / 47900160 + t * (691 / 1307674368000))))
+        )
+    else:
+        half = 0.5 * math.sqrt(t)
+        coefficient = (1.0 - half / math.tan(half)) / t
+    _polynomial(-0.5, coefficient, phi, -1.0, out)
+
+
+@kernel
+def log(R: Array, out: Array) -> None:
+    """Rotation vector of length at most pi of a rotation matrix (Shepperd's quaternion)."""
+    xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
+    w2 = 1.0 + xx + yy + zz
+    x2 = 1.0 + xx - yy - zz
+    y2 = 1.0 - xx + yy - zz
+    z2 = 1.0 - xx - yy + zz
+    if w2 >= x2 and w2 >= y2 and w2 >= z2:
+        w, x, y, z = w2, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    elif x2 >= y2 and x2 >= z2:
+        w, x, y, z = R[2, 1] - R[1, 2], x2, R[1, 0] + R[0, 1], R[0, 2] + R[2, 0]
+    elif y2 >= z2:
+        w, x, y, z = R[0, 2] - R[2, 0], R[1, 0] + R[0, 1], y2, R[2, 1] + R[1, 2]
+    else:
+        w, x, y, z = R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[2, 1] + R[1, 2], z2
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    if w < 0.0:
+        length = -length
+    w, x, y, z = w / length, x / length, y / length, z / length
+    sine = math.sqrt(x * x + y * y + z * z)
+    half_angle = math.atan2(sine, w)
+    factor = 2.0
+    if half_angle > 0.0:
+        factor = 2.0 * half_angle / math.sin(half_angle)
+    out[0], out[1], out[2] = factor * x, factor * y, factor * z
+
+
+@kernel
+def retract_rotations(R_WB: Array, step: Array, dphi_0: Array, R_ref: Array, out: Array) -> None:
+    """Eqs. (8)-(9): Exp(step) R for all but the first, Exp(dphi_0) R_ref for the first."""
+    turn = np.empty((3, 3))
+    for i in range(R_WB.shape[0]):
+        if i == 0:
+            exp(dphi_0, turn)
+            base = R_ref
+        else:
+            exp(step[i], turn)
+            base = R_WB[i]
+        for a in range(3):
+            for b in range(3):
+                out[i, a, b] = turn[a, 0] * base[0, b] + turn[a, 1] * base[1, b] + turn[a, 2] * base[2, b]

@@ -1,0 +1,233 @@
+"""How the motion block of H and the reduced camera system are stored: one lower triangle, dense or banded.
+
+Inside, a keyframe's nine parameters stand together and keyframes are ordered so that
+those that share landmarks are near each other: the triangle is then a band for a long
+flight. An entry (r, c), r >= c, sits at ``storage[c * stride + r]`` in both forms (LAPACK's
+column order, full or band), so whoever fills it need not know which one it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg.lapack as lapack
+import scipy.sparse
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from .errors import SolverError
+from .so3 import Array
+
+Index = NDArray[np.int64]
+
+# Below this many parameters a dense factorisation is never slower (measured).
+SMALLEST_BAND = 180
+# A band wider than this share of the matrix is factorised dense: LAPACK's full form has larger blocks.
+WIDEST_BAND = 0.4
+
+
+def motion_columns(n_keyframes: int) -> Index:
+    """(N, 9) columns of (p_i, rotation_i, v_i) in the motion order of the package."""
+    base = 3 * np.arange(n_keyframes)[:, None] + np.arange(3)
+    return np.concatenate([base, base + 3 * n_keyframes, base + 6 * n_keyframes], axis=1)
+
+
+def by_keyframe(motion: Array, n_keyframes: int) -> Array:
+    """(N, 9, ...) view per keyframe of motion quantities (9N, ...) in the package's order."""
+    rest = motion.shape[1:]
+    blocks = motion.reshape(3, n_keyframes, 3, *rest).swapaxes(0, 1)
+    return blocks.reshape(n_keyframes, 9, *rest)
+
+
+def by_kind(keyframes: Array) -> Array:
+    """Inverse of :func:`by_keyframe`."""
+    n, rest = len(keyframes), keyframes.shape[2:]
+    return keyframes.reshape(n, 3, 3, *rest).swapaxes(0, 1).reshape(9 * n, *rest)
+
+
+def _half_bandwidth(reach: int) -> int:
+    return 9 * reach + 8
+
+
+def _pays(reach: int, n: int) -> bool:
+    return _half_bandwidth(reach) < WIDEST_BAND * n
+
+
+def _reach(place: Index, pair_keyframe: Index, landmark_pair: Index, first: Index, second: Index) -> int:
+    """Largest distance in places between keyframes that share a landmark or an inertial factor."""
+    reach = int(np.max(np.abs(place[first] - place[second]), initial=0))
+    if len(pair_keyframe):
+        seen = place[pair_keyframe]
+        low = np.minimum.reduceat(seen, landmark_pair[:-1])
+        high = np.maximum.reduceat(seen, landmark_pair[:-1])
+        reach = max(reach, int(np.max(high - low)))
+    return reach
+
+
+def _near_neighbours(
+    n_keyframes: int, pair_keyframe: Index, landmark_pair: Index, first: Index, second: Index
+) -> Index:
+    """(N,) places in reverse Cuthill-McKee order of the covisibility graph."""
+    ones = np.ones(len(pair_keyframe))
+    seen_by = scipy.sparse.csr_array(
+        (ones, pair_keyframe, landmark_pair), (len(landmark_pair) - 1, n_keyframes)
+    )
+    factors = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), (n_keyframes,) * 2).tocsr()
+    graph = seen_by.T @ seen_by + factors
+    order = reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)
+    place = np.empty(n_keyframes, dtype=np.int64)
+    place[order] = np.arange(n_keyframes)
+    return place
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Places of keyframes in the stored triangle.
+
+    Attributes
+    ----------
+    place : (N,) position of each keyframe in the stored order
+    half_bandwidth : largest r - c of an entry that may be filled
+    banded : whether only the band is stored
+    """
+
+    place: Index
+    half_bandwidth: int
+    banded: bool
+
+    @classmethod
+    def choose(
+        cls, n_keyframes: int, pair_keyframe: Index, landmark_pair: Index, first: Index, second: Index
+    ) -> Layout:
+        """Keyframes in their own order where that gives a band, else in reverse Cuthill-McKee, else dense.
+
+        ``pair_keyframe`` (P,) keyframes of each landmark in turn, ``landmark_pair`` (K + 1,) where
+        each landmark's begin; ``first`` and ``second`` (F,) keyframes that an inertial factor joins.
+        """
+        n = 9 * n_keyframes
+        place = np.arange(n_keyframes, dtype=np.int64)
+        if n < SMALLEST_BAND:
+            return cls(place, n - 1, False)
+        reach = _reach(place, pair_keyframe, landmark_pair, first, second)
+        if _pays(reach, n):
+            return cls(place, _half_bandwidth(reach), True)
+        place = _near_neighbours(n_keyframes, pair_keyframe, landmark_pair, first, second)
+        reach = _reach(place, pair_keyframe, landmark_pair, first, second)
+        if _pays(reach, n):
+            return cls(place, _half_bandwidth(reach), True)
+        return cls(np.arange(n_keyframes, dtype=np.int64), n - 1, False)
+
+    @property
+    def size(self) -> int:
+        """9N."""
+        return 9 * len(self.place)
+
+    @property
+    def stride(self) -> int:
+        return self.half_bandwidth if self.banded else self.size
+
+    @property
+    def length(self) -> int:
+        """Number of stored entries."""
+        return self.size * (self.half_bandwidth + 1 if self.banded else self.size)
+
+    @cached_property
+    def column(self) -> Index:
+        """(N,) first stored column of each keyframe."""
+        return 9 * self.place
+
+    @cached_property
+    def columns(self) -> Index:
+        """(N, 9) columns of each keyframe in the package's order."""
+        return motion_columns(len(self.place))
+
+    @cached_property
+    def stored(self) -> Index:
+        """(9N,) stored column of each column of the package's order."""
+        out = np.empty(self.size, dtype=np.int64)
+        out[self.columns] = self.column[:, None] + np.arange(9)
+        return out
+
+    @cached_property
+    def _identity(self) -> bool:
+        return bool(np.array_equal(self.place, np.arange(len(self.place))))
+
+    def to_stored(self, keyframes: Array) -> Array:
+        """(9N, ...) in stored order, of quantities (N, 9, ...) by keyframe."""
+        if not self._identity:
+            ordered = np.empty_like(keyframes)
+            ordered[self.place] = keyframes
+            keyframes = ordered
+        return keyframes.reshape(self.size, *keyframes.shape[2:])
+
+    def from_stored(self, vector: Array) -> Array:
+        """(N, 9, ...) by keyframe, of quantities (9N, ...) in stored order."""
+        blocks = vector.reshape(len(self.place), 9, *vector.shape[1:])
+        return blocks if self._identity else blocks[self.place]
+
+    def diagonal(self, storage: Array) -> Array:
+        """(9N,) view of the diagonal, stored order."""
+        return storage[:: self.stride + 1][: self.size]
+
+    def add(self, storage: Array, columns: Index, block: Array) -> None:
+        """Add a symmetric block over columns of the package's order, in place."""
+        at = self.stored[columns]
+        row, column = np.meshgrid(at, at, indexing="ij")
+        lower = row >= column
+        if np.max(row - column) > self.half_bandwidth:
+            raise SolverError("a prior joins keyframes that are too far apart for the banded system")
+        np.add.at(storage, column[lower] * self.stride + row[lower], block[lower])
+
+    def hold(self, storage: Array, columns: Index) -> None:
+        """Replace rows and columns by those of the identity, in place: what they stand for does not move."""
+        for at in self.stored[columns]:
+            last = min(at + self.half_bandwidth, self.size - 1)
+            first = max(at - self.half_bandwidth, 0)
+            storage[at * self.stride + at : at * self.stride + last + 1] = 0.0
+            storage[first * self.stride + at : at * self.stride + at : self.stride] = 0.0
+            storage[at * self.stride + at] = 1.0
+
+    def dense(self, storage: Array) -> Array:
+        """(9N, 9N) symmetric matrix in the package's order."""
+        n = self.size
+        if self.banded:
+            lower = np.zeros((n, n))
+            for offset in range(self.half_bandwidth + 1):
+                rows = np.arange(offset, n)
+                lower[rows, rows - offset] = storage[(rows - offset) * self.stride + rows]
+        else:
+            lower = np.tril(storage.reshape(n, n).T)
+        full = lower + np.tril(lower, -1).T
+        return full[np.ix_(self.stored, self.stored)]
+
+    def factorise(self, storage: Array) -> Factorised:
+        """Cholesky factor of the stored matrix, which is overwritten.
+
+        Raises SolverError where the matrix is not positive definite.
+        """
+        n = self.size
+        if self.banded:
+            factor, info = lapack.dpbtrf(storage.reshape(n, -1).T, lower=1, overwrite_ab=1)
+        else:
+            factor, info = lapack.dpotrf(storage.reshape(n, n).T, lower=1, clean=0, overwrite_a=1)
+        if info != 0:
+            raise SolverError("the reduced camera system is not positive definite")
+        return Factorised(self, factor)
+
+
+@dataclass(frozen=True)
+class Factorised:
+    """Lower Cholesky factor in LAPACK's full or band form, stored order."""
+
+    layout: Layout
+    factor: Array
+
+    def solve(self, right: Array) -> Array:
+        """Solution for right-hand sides (9N,) or (9N, c), stored order."""
+        if self.layout.banded:
+            solution, _ = lapack.dpbtrs(self.factor, right, lower=1)
+        else:
+            solution, _ = lapack.dpotrs(self.factor, right, lower=1)
+        return solution
