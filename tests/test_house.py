@@ -55,6 +55,7 @@ FLOORS = (
     "configuration",
     "files",
     "names",
+    "workers",
     "errors",
 )
 

@@ -9,7 +9,9 @@ import pytest
 
 from support.random_problem import random_problem
 from vigauge.errors import SolverError
+from vigauge.gauge import FreeGauge
 from vigauge.layout import Layout, by_keyframe, by_kind
+from vigauge.levenberg_marquardt import Options, solve
 from vigauge.normal_equations import linearise
 from vigauge.problem import Problem
 
@@ -85,6 +87,9 @@ def test_renumbering_finds_the_band():
     mixed, _ = shuffled(problem)
     plain, found = problem.structure.layout, mixed.structure.layout
     assert found.banded
+    assert (plain.reordered, found.reordered) == (False, True)
+    assert solve(mixed, FreeGauge(), Options(maximum_iterations=1)).layout is found
+    assert found.length < 0.4 * found.size**2
     assert found.half_bandwidth <= 2 * plain.half_bandwidth + 9
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from . import so3
 from .errors import VigaugeError
+from .kernels import rotation
 from .so3 import Array
 from .state import State
 
@@ -72,7 +73,9 @@ def orbit_tangent(state: State) -> Array:
     U[:n, :, 1:] = np.eye(3)
     U[3 * n :, :, 1:] = np.eye(3)
     U[n : 2 * n, 2, 0] = 1.0
-    U[n, :, 0] = so3.left_jacobian_inverse(state.dphi_0)[:, 2]
+    inverse = np.empty((3, 3))
+    rotation.right_jacobian_inverse(-state.dphi_0, inverse)  # J_r(-phi) = J_l(phi)
+    U[n, :, 0] = inverse[:, 2]
     return U.reshape(-1, 4)
 
 

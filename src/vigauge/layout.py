@@ -13,9 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg.lapack as lapack
-import scipy.sparse
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from .errors import SolverError
 from .so3 import Array
@@ -70,6 +68,10 @@ def _near_neighbours(
     n_keyframes: int, pair_keyframe: Index, landmark_pair: Index, first: Index, second: Index
 ) -> Index:
     """(N,) places in reverse Cuthill-McKee order of the covisibility graph."""
+    # Seldom needed, and a tenth of a second to import.
+    import scipy.sparse
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
     ones = np.ones(len(pair_keyframe))
     seen_by = scipy.sparse.csr_array(
         (ones, pair_keyframe, landmark_pair), (len(landmark_pair) - 1, n_keyframes)
@@ -118,6 +120,11 @@ class Layout:
         if _pays(reach, n):
             return cls(place, _half_bandwidth(reach), True)
         return cls(np.arange(n_keyframes, dtype=np.int64), n - 1, False)
+
+    @property
+    def reordered(self) -> bool:
+        """Whether keyframes were renumbered to make the band."""
+        return not self._identity
 
     @property
     def size(self) -> int:

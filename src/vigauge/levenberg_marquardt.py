@@ -17,11 +17,13 @@ import numpy as np
 
 from .errors import SolverError
 from .gauge import Gauge
+from .layout import Layout
 from .normal_equations import NormalEquations, linearise
 from .problem import Problem
 from .residuals import evaluate
 from .so3 import Array
 from .state import State
+from .workers import Workers
 
 
 class Status(StrEnum):
@@ -41,7 +43,7 @@ CONVERGED = frozenset({Status.FUNCTION_TOLERANCE, Status.GRADIENT_TOLERANCE, Sta
 
 @dataclass(frozen=True)
 class Options:
-    """Tolerances and limits; the defaults are those of Ceres."""
+    """Tolerances and limits; the defaults are those of Ceres. ``threads`` changes the time only."""
 
     initial_radius: float = 1e4
     maximum_radius: float = 1e16
@@ -54,6 +56,7 @@ class Options:
     parameter_tolerance: float = 1e-8
     maximum_iterations: int = 50
     maximum_invalid_steps: int = 5
+    threads: int = 1
 
 
 @dataclass(frozen=True)
@@ -77,13 +80,18 @@ class Iteration:
 
 @dataclass(frozen=True)
 class Solution:
-    """Estimate, how the run ended, and its trace; ``states`` holds every iterate when asked for."""
+    """Estimate, how the run ended, and its trace; ``states`` holds every iterate when asked for.
+
+    ``layout`` says how the reduced camera system was factorised: dense or banded, in which
+    order of keyframes, and how much is stored (its fill-in).
+    """
 
     state: State
     status: Status
     cost: float
     trace: tuple[Iteration, ...]
     seconds: float
+    layout: Layout
     states: tuple[State, ...] = ()
 
     @property
@@ -129,9 +137,10 @@ class _Evaluation:
 class _Objective:
     """The cost of one gauge: Eq. (1), plus Eq. (11) where the gauge has a prior."""
 
-    def __init__(self, problem: Problem, gauge: Gauge) -> None:
+    def __init__(self, problem: Problem, gauge: Gauge, workers: Workers) -> None:
         self.problem = problem
         self.gauge = gauge
+        self.workers = workers
 
     def evaluate(self, state: State) -> _Evaluation:
         found = evaluate(self.problem, state)
@@ -142,7 +151,7 @@ class _Objective:
         return _Evaluation(state, cost, found.mean_reprojection_px)
 
     def linearise(self, state: State) -> NormalEquations:
-        equations = linearise(self.problem, state)
+        equations = linearise(self.problem, state, self.workers)
         prior = self.gauge.prior(state, self.problem.initial)
         if prior is not None:
             equations = equations.with_prior(prior.columns, prior.residual, prior.jacobian)
@@ -173,18 +182,25 @@ def solve(
     A run that cannot go on ends with a status that says so; nothing is raised.
     """
     options = options or Options()
-    return _Run(problem, gauge, options, clock, keep_states).solve()
+    with Workers(options.threads) as workers:
+        return _Run(problem, gauge, options, clock, keep_states, workers).solve()
 
 
 class _Run:
     """One minimisation: the loop of Ceres' trust-region minimiser."""
 
     def __init__(
-        self, problem: Problem, gauge: Gauge, options: Options, clock: Callable[[], float], keep_states: bool
+        self,
+        problem: Problem,
+        gauge: Gauge,
+        options: Options,
+        clock: Callable[[], float],
+        keep_states: bool,
+        workers: Workers,
     ) -> None:
         self.problem, self.options, self.clock, self.keep_states = problem, options, clock, keep_states
         self.begin = clock()
-        self.objective = _Objective(problem, gauge)
+        self.objective = _Objective(problem, gauge, workers)
         self.held = gauge.held(problem.initial)
         self.region = _TrustRegion(options)
         self.trace: list[Iteration] = []
@@ -245,7 +261,7 @@ class _Run:
         scaled = np.clip(self.equations.diagonal() * self.scale**2, o.minimum_diagonal, o.maximum_diagonal)
         damping = scaled / self.scale**2 / self.region.radius
         try:
-            step = self.equations.eliminate(damping).solve(self.held)
+            step = self.equations.eliminate(damping, self.objective.workers).solve(self.held)
         except SolverError:
             return None, 0.0  # counted as an invalid step: the next one is damped more
         # -(g dx + dx H dx / 2) with H dx = -g - D dx on the moving columns.
@@ -290,5 +306,6 @@ class _Run:
             cost=self.here.cost,
             trace=tuple(self.trace),
             seconds=self.clock() - self.begin,
+            layout=self.problem.structure.layout,
             states=tuple(self.states),
         )

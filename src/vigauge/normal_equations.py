@@ -20,7 +20,8 @@ from .problem import Problem
 from .residuals import camera_rotations, first_rotation_chain
 from .so3 import Array
 from .state import State
-from .structure import Structure
+from .structure import CovisibleGroup, Structure
+from .workers import ALONE, Workers
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class NormalEquations:
             self, storage=storage, keyframe_gradient=by_keyframe(gradient, self.structure.n_keyframes)
         )
 
-    def eliminate(self, damping: Array | None = None) -> ReducedSystem:
+    def eliminate(self, damping: Array | None = None, workers: Workers = ALONE) -> ReducedSystem:
         """Schur complement onto the motion of H + diag(damping); damping is (9N + 3K,).
 
         Raises SolverError where a landmark block is not positive definite, and without damping
@@ -92,15 +93,18 @@ class NormalEquations:
             raise DegenerateError(
                 f"landmark {_weakest(self.landmark)} is unobservable along its line of sight"
             )
-        for group in s.groups:
+
+        def product(group: CovisibleGroup) -> tuple[Array, Array]:
             width = len(group.keyframes)
             spread = np.empty((3 * len(group.landmarks), 6 * width))
             taken = np.zeros((width, 6))
             schur.spread(
                 self.pair, factor, half_gradient, group.landmarks, s.landmark_pair, s.pair_row, spread, taken
             )
-            product = blas.dsyrk(1.0, spread.T, lower=1)
-            schur.scatter(product, taken, group.keyframes, layout.column, layout.stride, storage, gradient)
+            return blas.dsyrk(1.0, spread.T, lower=1), taken
+
+        for group, (square, taken) in zip(s.groups, workers.map(product, s.groups), strict=True):
+            schur.scatter(square, taken, group.keyframes, layout.column, layout.stride, storage, gradient)
         return ReducedSystem(s, storage, gradient, self.pair, factor, half_gradient)
 
     def dense(self) -> Array:
@@ -197,7 +201,7 @@ def _weakest(landmark: Array) -> int:
     return int(np.argmin(pivot.min(axis=1)))
 
 
-def linearise(problem: Problem, state: State) -> NormalEquations:
+def linearise(problem: Problem, state: State, workers: Workers = ALONE) -> NormalEquations:
     """H = J^T J and g = J^T r of Eq. (1) at a state, without any gauge."""
     s = problem.structure
     layout = s.layout
@@ -206,27 +210,32 @@ def linearise(problem: Problem, state: State) -> NormalEquations:
     storage, gradient = np.zeros(layout.length), np.zeros((s.n_keyframes, 9))
     pair = np.empty((len(s.pair_keyframe), 6, 3))
     landmark, landmark_gradient = np.empty((s.n_landmarks, 3, 3)), np.empty((s.n_landmarks, 3))
-    pose = np.zeros((s.n_keyframes, visual.POSE_ENTRIES))
-    visual.accumulate(
-        state.p_W,
-        state.X_W,
-        R_CW,
-        p_CB,
-        problem.camera_arrays["intrinsics"],
-        problem.obs_camera,
-        problem.obs_uv,
-        1.0 / problem.sigma_px,
-        chain,
-        s.pair_start,
-        s.pair_keyframe,
-        s.landmark_pair,
-        0,
-        s.n_landmarks,
-        pair,
-        landmark,
-        landmark_gradient,
-        pose,
-    )
+
+    def accumulate(piece: tuple[int, int]) -> Array:
+        pose = np.zeros((s.n_keyframes, visual.POSE_ENTRIES))
+        visual.accumulate(
+            state.p_W,
+            state.X_W,
+            R_CW,
+            p_CB,
+            problem.camera_arrays["intrinsics"],
+            problem.obs_camera,
+            problem.obs_uv,
+            1.0 / problem.sigma_px,
+            chain,
+            s.pair_start,
+            s.pair_keyframe,
+            s.landmark_pair,
+            piece[0],
+            piece[1],
+            pair,
+            landmark,
+            landmark_gradient,
+            pose,
+        )
+        return pose
+
+    pose = sum(workers.map(accumulate, s.pieces), np.zeros((s.n_keyframes, visual.POSE_ENTRIES)))
     visual.spread_poses(pose, chain, layout.column, layout.stride, storage, gradient)
     _add_inertial(problem, state, layout, chain, storage, gradient)
     return NormalEquations(s, storage, pair, landmark, gradient, landmark_gradient)

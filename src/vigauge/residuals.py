@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import so3
 from .kernels import inertial as inertial_kernels
+from .kernels import rotation
 from .kernels import visual as visual_kernels
 from .problem import Problem
 from .so3 import Array
@@ -22,7 +22,9 @@ from .state import State
 
 def first_rotation_chain(state: State) -> Array:
     """(3, 3) d(left increment of R_0) / d(dphi_0) = J_l(dphi_0), from Eq. (9)."""
-    return so3.left_jacobian(state.dphi_0)
+    chain = np.empty((3, 3))
+    rotation.left_jacobian(state.dphi_0, chain)
+    return chain
 
 
 def camera_rotations(problem: Problem, state: State) -> tuple[Array, Array]:

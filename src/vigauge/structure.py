@@ -13,6 +13,9 @@ from .layout import Index, Layout
 # multiplications (measured): neighbouring groups are joined while that saves calls.
 CALL_COST = 100_000.0
 
+# Observations in a piece of a loop that may run on another core: a millisecond's work.
+PIECE = 40_000
+
 
 @dataclass(frozen=True)
 class CovisibleGroup:
@@ -100,6 +103,15 @@ class Structure:
             groups.append(CovisibleGroup(seen, by_bucket[lo:hi]))
             lo, pair_lo = hi, pair_hi
         return tuple(groups), pair_row
+
+    @cached_property
+    def pieces(self) -> tuple[tuple[int, int], ...]:
+        """Ranges of landmarks with about equally many observations each, whatever the number of cores."""
+        total = int(self.pair_start[-1])
+        count = max(1, round(total / PIECE))
+        ends = np.searchsorted(self.pair_start[self.landmark_pair], total * np.arange(1, count) / count)
+        bounds = [0, *ends.tolist(), self.n_landmarks]
+        return tuple(zip(bounds[:-1], bounds[1:], strict=True))
 
     @property
     def columns(self) -> Index:
