@@ -129,7 +129,7 @@ class GaugeProjection:
     B = U (V^T U)^-1 with V^T the prior's whitened Jacobian. That is exact at any weight, where
     an inverse of H + V V^T is not.
 
-    ``A``, ``W``, ``B`` (9N + 3K, 4) or None: rows of all parameters in the package's order.
+    ``A``, ``W``, ``B`` (9N, 4), or (9N + 3K, 4) with landmarks, or None: the package's order.
     """
 
     inverse: HeldInverse
@@ -148,7 +148,8 @@ class GaugeProjection:
         inverse = HeldInverse.of(reduced, first_pose_columns(state))
         U = orbit_tangent(state)
         V = _prior_normal(state, prior) if prior is not None else gauge.normal(state)
-        W = _times_inverse(U, V.T @ U)
+        rows = len(U) if landmarks else 9 * state.n_keyframes
+        W = _times_inverse(U[:rows], V.T @ U)
         outside = V.copy()
         outside[inverse.held] = 0.0
         A = None
@@ -170,16 +171,13 @@ class GaugeProjection:
         V_G_V = V_G_V + through.T @ G_V
         if landmarks:
             G_V = np.concatenate([G_V, reduced.through_landmarks(V[n_motion:], G_V)])
-        return G_V - 0.5 * W[: len(G_V)] @ V_G_V
+        return G_V - 0.5 * W @ V_G_V
 
     def apply(self, G: Array) -> Array:
-        """The motion block (9N, 9N) in the gauge, from G dense."""
-        n = len(G)
+        """The motion block (9N, 9N) in the gauge, from G dense, which is overwritten."""
         if self.A is not None and self.W is not None:
-            projected = np.empty_like(G)
-            symmetric.subtract_outer(G, self.A[:n], self.W[:n], projected)
-            G = projected
-        return G if self.B is None else G + self.B[:n] @ self.B[:n].T
+            symmetric.subtract_outer(G, self.A, self.W)
+        return G if self.B is None else G + self.B @ self.B.T
 
     def apply_block(self, G: Array, rows: Index) -> Array:
         """A diagonal block in the gauge over some parameters, from that block of G."""
@@ -198,17 +196,17 @@ def _prior_normal(state: State, prior: GaugePrior) -> Array:
 def _times_inverse(U: Array, V_T_U: Array) -> Array:
     """U (V^T U)^-1. Raises DegenerateError where the constraints leave part of the orbit free."""
     try:
-        return np.linalg.solve(V_T_U.T, U.T).T
+        return U @ np.linalg.inv(V_T_U)
     except np.linalg.LinAlgError as error:
         raise DegenerateError("the gauge's constraints leave part of the gauge free") from error
 
 
 def _low_rank_projection(G: Array, G_V: Array, V_G_V: Array, U: Array, V_T_U: Array) -> Array:
-    """Q G Q^T from G, G V and V^T G V: a rank-8 update."""
+    """Q G Q^T from G, G V and V^T G V, for any number of constraints."""
     W = _times_inverse(U, V_T_U)
-    out = np.empty_like(G)
-    symmetric.subtract_outer(G, G_V - 0.5 * W @ V_G_V, W, out)
-    return out
+    cross = (G_V - 0.5 * W @ V_G_V) @ W.T
+    out = G - cross - cross.T
+    return 0.5 * (out + out.T)
 
 
 def project_covariance(covariance: Array, U: Array, V: Array) -> Array:
@@ -220,7 +218,6 @@ def project_covariance(covariance: Array, U: Array, V: Array) -> Array:
     U : (n, 4) basis of the null space of H (the orbit's tangent)
     V : (n, 4) normal of the gauge wanted
     """
-    covariance = 0.5 * (covariance + covariance.T)
     covariance_V = covariance @ V
     return _low_rank_projection(covariance, covariance_V, V.T @ covariance_V, U, V.T @ U)
 

@@ -50,12 +50,7 @@ class HeldInverse:
     def dense(self) -> Array:
         """(9N, 9N) G in the package's order."""
         layout = self.reduced.structure.layout
-        factor = self.factorised.factor
-        if layout.banded:
-            lower, _ = lapack.dpbtrs(factor, np.eye(layout.size), lower=1)
-        else:
-            lower, _ = lapack.dpotri(factor, lower=1)
-        self._require_regular(np.diagonal(lower))
+        lower = self._inverted()
         at = layout.stored[self.held]
         lower[at], lower[:, at] = 0.0, 0.0
         out = np.empty((layout.size, layout.size))
@@ -81,7 +76,11 @@ class HeldInverse:
 
     @cached_property
     def _lower(self) -> Array:
-        lower, _ = lapack.dpotri(self.factorised.factor, lower=1)
+        return self._inverted()
+
+    def _inverted(self) -> Array:
+        """Lower triangle of the inverse, stored order, its held columns not yet zero."""
+        lower, _ = lapack.dpotri(self.factorised.full(), lower=1)
         self._require_regular(np.diagonal(lower))
         return lower
 

@@ -141,6 +141,7 @@ class _Objective:
         self.problem = problem
         self.gauge = gauge
         self.workers = workers
+        self.spent: NormalEquations | None = None
 
     def evaluate(self, state: State) -> _Evaluation:
         found = evaluate(self.problem, state)
@@ -151,7 +152,9 @@ class _Objective:
         return _Evaluation(state, cost, found.mean_reprojection_px)
 
     def linearise(self, state: State) -> NormalEquations:
-        equations = linearise(self.problem, state, self.workers)
+        """Equations at a state; those made before are no longer valid."""
+        equations = linearise(self.problem, state, self.workers, self.spent)
+        self.spent = equations
         prior = self.gauge.prior(state, self.problem.initial)
         if prior is not None:
             equations = equations.with_prior(prior.columns, prior.residual, prior.jacobian)

@@ -162,17 +162,11 @@ class ReducedSystem:
         return np.concatenate([by_kind(motion), self.back_substitute(motion).ravel()])
 
     def couple(self, landmark: Array) -> tuple[Array, Array]:
-        """W C^-1 V (9N, c) and V^T C^-1 V (c, c) of landmark columns V (3K, c)."""
-        s, columns = self.structure, landmark.shape[1]
-        out, gram = np.zeros((s.n_keyframes, 9, columns)), np.zeros((columns, columns))
+        """W C^-1 V (9N, 4) and V^T C^-1 V (4, 4) of landmark columns V (3K, 4)."""
+        s = self.structure
+        out, gram = np.zeros((s.n_keyframes, 9, 4)), np.zeros((4, 4))
         schur.couple(
-            self.pair,
-            self.factor,
-            s.landmark_pair,
-            s.pair_keyframe,
-            landmark.reshape(-1, 3, columns),
-            out,
-            gram,
+            self.pair, self.factor, s.landmark_pair, s.pair_keyframe, landmark.reshape(-1, 3, 4), out, gram
         )
         return by_kind(out), gram
 
@@ -201,15 +195,22 @@ def _weakest(landmark: Array) -> int:
     return int(np.argmin(pivot.min(axis=1)))
 
 
-def linearise(problem: Problem, state: State, workers: Workers = ALONE) -> NormalEquations:
-    """H = J^T J and g = J^T r of Eq. (1) at a state, without any gauge."""
+def linearise(
+    problem: Problem, state: State, workers: Workers = ALONE, spent: NormalEquations | None = None
+) -> NormalEquations:
+    """H = J^T J and g = J^T r of Eq. (1) at a state, without any gauge.
+
+    ``spent`` equations of the same problem give up their large arrays, which are overwritten:
+    fresh memory costs as much as the sums that fill it.
+    """
     s = problem.structure
     layout = s.layout
     chain = first_rotation_chain(state)
     R_CW, p_CB = camera_rotations(problem, state)
     storage, gradient = np.zeros(layout.length), np.zeros((s.n_keyframes, 9))
-    pair = np.empty((len(s.pair_keyframe), 6, 3))
-    landmark, landmark_gradient = np.empty((s.n_landmarks, 3, 3)), np.empty((s.n_landmarks, 3))
+    pair: Array = np.empty((len(s.pair_keyframe), 6, 3)) if spent is None else spent.pair
+    landmark: Array = np.empty((s.n_landmarks, 3, 3)) if spent is None else spent.landmark
+    landmark_gradient = np.empty((s.n_landmarks, 3)) if spent is None else spent.landmark_gradient
 
     def accumulate(piece: tuple[int, int]) -> Array:
         pose = np.zeros((s.n_keyframes, visual.POSE_ENTRIES))

@@ -147,24 +147,31 @@ def couple(
     out: Array,
     gram: Array,
 ) -> None:
-    """Add W C^-1 V of landmark columns V (K, 3, c) to ``out`` (N, 9, c), V^T C^-1 V to ``gram`` (c, c)."""
-    columns = landmark.shape[2]
-    half = np.empty((3, columns))
-    through = np.empty((3, columns))
+    """Add W C^-1 V of landmark columns V (K, 3, 4) to ``out`` (N, 9, 4), V^T C^-1 V to ``gram`` (4, 4).
+
+    Four columns, the degrees of freedom of the gauge: a fixed number fits a vector register.
+    """
+    half, through = np.empty((3, 4)), np.empty((3, 4))
     for j in range(factor.shape[0]):
         f, v = factor[j], landmark[j]
-        for c in range(columns):
+        for c in range(4):
             half[0, c] = f[0, 0] * v[0, c]
             half[1, c] = f[1, 0] * v[0, c] + f[1, 1] * v[1, c]
             half[2, c] = f[2, 0] * v[0, c] + f[2, 1] * v[1, c] + f[2, 2] * v[2, c]
             through[0, c] = f[0, 0] * half[0, c] + f[1, 0] * half[1, c] + f[2, 0] * half[2, c]
             through[1, c] = f[1, 1] * half[1, c] + f[2, 1] * half[2, c]
             through[2, c] = f[2, 2] * half[2, c]
-        for b in range(columns):
-            for c in range(columns):
+        for b in range(4):
+            for c in range(4):
                 gram[b, c] += half[0, b] * half[0, c] + half[1, b] * half[1, c] + half[2, b] * half[2, c]
+        x0, x1, x2, x3 = through[0, 0], through[0, 1], through[0, 2], through[0, 3]
+        y0, y1, y2, y3 = through[1, 0], through[1, 1], through[1, 2], through[1, 3]
+        z0, z1, z2, z3 = through[2, 0], through[2, 1], through[2, 2], through[2, 3]
         for q in range(landmark_pair[j], landmark_pair[j + 1]):
-            w, to = pair[q], out[pair_keyframe[q]]
+            k = pair_keyframe[q]
             for a in range(6):
-                for c in range(columns):
-                    to[a, c] += w[a, 0] * through[0, c] + w[a, 1] * through[1, c] + w[a, 2] * through[2, c]
+                w0, w1, w2 = pair[q, a, 0], pair[q, a, 1], pair[q, a, 2]
+                out[k, a, 0] += w0 * x0 + w1 * y0 + w2 * z0
+                out[k, a, 1] += w0 * x1 + w1 * y1 + w2 * z1
+                out[k, a, 2] += w0 * x2 + w1 * y2 + w2 * z2
+                out[k, a, 3] += w0 * x3 + w1 * y3 + w2 * z3

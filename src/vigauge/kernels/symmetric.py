@@ -22,16 +22,16 @@ def unpack(lower: Array, stored: Index, out: Array) -> None:
 
 
 @kernel
-def subtract_outer(G: Array, A: Array, W: Array, out: Array) -> None:
-    """out = G - A W^T - W A^T for (n, k) A and W; exactly symmetric, from the lower triangle of G."""
-    n, k = A.shape
-    for i in range(n):
+def subtract_outer(G: Array, A: Array, W: Array) -> None:
+    """G <- G - A W^T - W A^T for (n, 4) A and W; exactly symmetric, from the lower triangle of G."""
+    for i in range(G.shape[0]):
+        a0, a1, a2, a3 = A[i, 0], A[i, 1], A[i, 2], A[i, 3]
+        w0, w1, w2, w3 = W[i, 0], W[i, 1], W[i, 2], W[i, 3]
         for j in range(i + 1):
-            value = G[i, j]
-            for c in range(k):
-                value -= A[i, c] * W[j, c] + W[i, c] * A[j, c]
-            out[i, j] = value
-            out[j, i] = value
+            value = G[i, j] - (a0 * W[j, 0] + a1 * W[j, 1] + a2 * W[j, 2] + a3 * W[j, 3])
+            value -= w0 * A[j, 0] + w1 * A[j, 1] + w2 * A[j, 2] + w3 * A[j, 3]
+            G[i, j] = value
+            G[j, i] = value
 
 
 @kernel
