@@ -120,8 +120,10 @@ class PriorGauge:
         return np.empty(0, dtype=np.int64)
 
     def prior(self, state: State, reference: State) -> GaugePrior | None:
-        scale = np.sqrt(self.weight)
-        error = np.append(state.p_W[0] - reference.p_W[0], state.dphi_0[2])
+        scale = float(np.sqrt(self.weight))
+        error = np.empty(4)
+        error[:3] = state.p_W[0] - reference.p_W[0]
+        error[3] = state.dphi_0[2]
         return GaugePrior(first_pose_columns(state), scale * error, scale * np.eye(4))
 
     def normal(self, state: State) -> Array:

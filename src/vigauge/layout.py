@@ -158,6 +158,13 @@ class Layout:
         return out
 
     @cached_property
+    def by_keyframe(self) -> Index:
+        """(9N,) place in a flat (N, 9) array by keyframe of each column of the package's order."""
+        out = np.empty(self.size, dtype=np.int64)
+        out[self.columns] = np.arange(self.size).reshape(-1, 9)
+        return out
+
+    @cached_property
     def _identity(self) -> bool:
         return bool(np.array_equal(self.place, np.arange(len(self.place))))
 
@@ -179,13 +186,13 @@ class Layout:
         return storage[:: self.stride + 1][: self.size]
 
     def add(self, storage: Array, columns: Index, block: Array) -> None:
-        """Add a symmetric block over columns of the package's order, in place."""
+        """Add a symmetric block over distinct columns of the package's order, in place."""
         at = self.stored[columns]
-        row, column = np.meshgrid(at, at, indexing="ij")
-        lower = row >= column
+        row, column = np.maximum(at[:, None], at), np.minimum(at[:, None], at)
         if np.max(row - column) > self.half_bandwidth:
             raise SolverError("a prior joins keyframes that are too far apart for the banded system")
-        np.add.at(storage, column[lower] * self.stride + row[lower], block[lower])
+        # (i, j) and (j, i) are one stored entry, and are assigned the same sum.
+        storage[column * self.stride + row] += block
 
     def hold(self, storage: Array, columns: Index) -> None:
         """Replace rows and columns by those of the identity, in place: what they stand for does not move."""

@@ -63,11 +63,9 @@ class NormalEquations:
         """Add a whitened residual that depends on the motion parameters ``columns`` only."""
         layout, storage = self.structure.layout, self.storage.copy()
         layout.add(storage, columns, jacobian.T @ jacobian)
-        gradient: Array = by_kind(self.keyframe_gradient)
-        gradient[columns] += jacobian.T @ residual
-        return replace(
-            self, storage=storage, keyframe_gradient=by_keyframe(gradient, self.structure.n_keyframes)
-        )
+        gradient = self.keyframe_gradient.copy()
+        gradient.reshape(-1)[layout.by_keyframe[columns]] += jacobian.T @ residual
+        return replace(self, storage=storage, keyframe_gradient=gradient)
 
     def eliminate(self, damping: Array | None = None, workers: Workers = ALONE) -> ReducedSystem:
         """Schur complement onto the motion of H + diag(damping); damping is (9N + 3K,).
