@@ -10,14 +10,19 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+FLAGS: dict[str, Any] = {
+    "nogil": True,
+    # Division by zero gives infinity as in NumPy: a trial step may put a landmark at depth zero.
+    "error_model": "numpy",
+    # Fused multiply-add and sums in any order are allowed; infinities and NaN keep their meaning.
+    "fastmath": {"contract", "reassoc", "nsz"},
+}
+
 
 def kernel(function: F) -> F:
-    """``function`` as machine code: kept on disk, without the interpreter's lock, with IEEE specials.
-
-    Division by zero gives infinity as in NumPy: a trial step may put a landmark at depth zero.
-    Fused multiply-add and sums in any order are allowed, infinities and NaN keep their meaning.
-    """
-    decorate = numba.njit(
-        cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}
-    )
-    return cast(F, decorate(function))
+    """``function`` as machine code without the interpreter's lock, kept on disk where that can be written."""
+    try:
+        return cast(F, numba.njit(cache=True, **FLAGS)(function))
+    except RuntimeError as error:  # neither this folder nor the user's cache folder
+        warnings.warn(f"kernels are compiled anew in every process: {error}", stacklevel=2)
+        return cast(F, numba.njit(**FLAGS)(function))
