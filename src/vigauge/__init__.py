@@ -35,6 +35,9 @@ _PUBLIC = {
     "transform_covariance": "covariance",
     "project_covariance": "covariance",
     "covariance_from_hessian": "covariance",
+    "diagnose": "diagnosis",
+    "diagnose_hessian": "diagnosis",
+    "Diagnosis": "diagnosis",
     "trajectory_errors": "evaluation",
     "relative_frobenius": "evaluation",
 }
