@@ -96,6 +96,13 @@ def _state_from(entry: _Entry, prefix: str = "") -> State:
     return State(**{name: entry.take(prefix + name) for name in _STATE}).require_valid()
 
 
+def _status_from(entry: _Entry) -> str:
+    status = entry.fields.get("status")
+    if status is None or status.dtype.kind != "U" or status.ndim:
+        raise DataError("entry", "must be the status of a run", field="status")
+    return str(status)
+
+
 def _cameras_from(entry: _Entry) -> tuple[Camera, ...]:
     arrays = {name: entry.take(f"cameras.{name}") for name in _CAMERAS}
     count = len(arrays["intrinsics"])
@@ -164,11 +171,19 @@ def load_problems(path: PathLike) -> list[Problem]:
     return _load_list(path, "problems", _problem_from)
 
 
-def save_states(path: PathLike, states: Sequence[State]) -> None:
-    """Write states to one archive."""
-    _save_list(path, "states", [_state_arrays(state) for state in states])
+def save_states(path: PathLike, states: Sequence[State], statuses: Sequence[str] = ()) -> None:
+    """Write states to one archive, estimates with the status of the run that each ended."""
+    labels: list[dict[str, Any]] = [{"status": np.array(status)} for status in statuses] or [
+        {} for _ in states
+    ]
+    _save_list(path, "states", [_state_arrays(s) | label for s, label in zip(states, labels, strict=True)])
 
 
 def load_states(path: PathLike) -> list[State]:
     """Read what :func:`save_states` wrote; DataError where a field is missing or wrong."""
     return _load_list(path, "states", _state_from)
+
+
+def load_statuses(path: PathLike) -> list[str]:
+    """Status of the run that each state of an archive ended; DataError where there is none."""
+    return _load_list(path, "states", _status_from)

@@ -192,12 +192,19 @@ def diagnose(problem: Problem, state: State) -> Diagnosis:
     """Which directions of a visual-inertial problem no measurement sees at a state, and why.
 
     Singular landmark blocks are found and named too, where elimination would refuse them.
+
+    Raises DataError where a residual's derivative is not finite at the state.
     """
     return diagnose_equations(linearise(problem, state), problem, state)
 
 
 def diagnose_equations(equations: NormalEquations, problem: Problem, state: State) -> Diagnosis:
-    """As :func:`diagnose`, from normal equations at hand (without any gauge's prior)."""
+    """As :func:`diagnose`, from normal equations at hand (without any gauge's prior).
+
+    Raises DataError where they are not finite.
+    """
+    if not (np.all(np.isfinite(equations.motion)) and np.all(np.isfinite(equations.landmark))):
+        raise DataError("normal equations", "must be finite at the state")
     landmarks, filled = _fill_landmarks(equations)
     reduced = filled.eliminate()
     null = NullSpace(reduced.matrix, np.diagonal(equations.motion))

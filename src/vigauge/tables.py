@@ -81,6 +81,15 @@ def left_out(solutions: Mapping[str, Path]) -> str:
     return f" Left out, as they did not converge: {', '.join(counts)}." if counts else ""
 
 
+def degenerate(solutions: Mapping[str, Path]) -> str:
+    """A sentence on the runs whose problem is degenerate at the estimate; empty where there is none."""
+    counts = []
+    for name, file in solutions.items():
+        table = pd.read_csv(file).query("noise == 'headline' and degenerate")
+        counts += [f"{len(rows)} of {name} {gauge}" for gauge, rows in table.groupby("gauge", sort=False)]
+    return f" Degenerate: {', '.join(counts)}." if counts else ""
+
+
 def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from support.results import WEIGHTS, covariance, solutions, sweep, sweep_timing, sweep_trace, timing
+from support.results import WEIGHTS, Results, covariance, solutions, sweep, sweep_timing, sweep_trace, timing
 from support.simulated import TIGHT, estimate, scene, trial
 from vigauge.archive import load_arrays, save_arrays, save_states
 from vigauge.figures import cost, ellipses, matrices, orbit, prior, scenes, style
@@ -145,7 +145,13 @@ def test_prior_figures_keep_the_order_of_the_weights(written: Path, texts: list[
     """Catches weights in alphabetical order, a weight read as a number ("1e5" as 100000.0), lost rows."""
     prior.draw_accuracy(written / "sweep.csv", written / "a", PUBLISHED)
     prior.draw_cost(written / "sweep.csv", written / "sweep_timing.csv", written / "b", PUBLISHED)
-    prior.draw_paths(written / "sweep_trace.csv", written / "c", ["7", "100", "500", "1e8"], PUBLISHED)
+    prior.draw_paths(
+        written / "sweep.csv",
+        written / "sweep_trace.csv",
+        written / "c",
+        ["7", "100", "500", "1e8"],
+        PUBLISHED,
+    )
     read = {name: pd.read_csv(written / f"{name}.csv", dtype={"weight": str}) for name in "abc"}
     assert tuple(read["a"]["weight"]) == WEIGHTS
     assert tuple(read["b"].query("quantity == 'iterations'")["median"]) == (4, 12, 8, 6, 5, 5)
@@ -254,3 +260,39 @@ def test_computed_sketches_keep_what_they_show(tmp_path: Path) -> None:
     vectors = pd.read_csv(tmp_path / "carried.csv").query("kind == 'vector'").set_index("curve")
     assert np.ptp(vectors["s"]) < 1e-12
     assert vectors.loc["projected", "alpha_rad"] != vectors.loc["carried", "alpha_rad"]
+
+
+def test_failures_are_counted_where_they_happened(tmp_path: Path, texts: list[str]) -> None:
+    """One weight's failures spread over all, or one gauge's, or a path that looks like any other."""
+
+    def fail(table: pd.DataFrame) -> pd.DataFrame:
+        bad = (table["weight"] == "500") & (table["trial"] < 2)
+        return table.assign(
+            converged=~bad,
+            status=table["status"].mask(bad, "iteration limit"),
+            p_rmse_m=table["p_rmse_m"].mask(bad, 1e9),
+        )
+
+    def fail_fix(table: pd.DataFrame) -> pd.DataFrame:
+        return table.assign(converged=(table["gauge"] != "fix") | (table["trial"] > 2))
+
+    Results(tmp_path / "run", sweep=fail, solutions={"arc_plane": fail_fix}).write()
+    run = tmp_path / "run"
+    prior.draw_accuracy(run / "sweep.csv", tmp_path / "a", None)
+    rmse = pd.read_csv(tmp_path / "a.csv", dtype={"weight": str}).set_index("weight")
+    assert rmse["excluded"].to_dict() == {w: 2 if w == "500" else 0 for w in rmse.index}
+    assert rmse["p_rmse_m"].max() < 0.1
+    prior.draw_cost(run / "sweep.csv", run / "sweep_timing.csv", tmp_path / "b", None)
+    boxes = pd.read_csv(tmp_path / "b.csv", dtype={"weight": str}).groupby("weight")["excluded"].max()
+    assert boxes["500"] == 2 and boxes.drop("500").max() == 0
+    assert any("left out, not converged: 2 at 500" in text for text in texts)
+    prior.draw_paths(
+        run / "sweep.csv", run / "sweep_trace.csv", tmp_path / "c", ["7", "100", "500", "1e8"], None
+    )
+    paths = pd.read_csv(tmp_path / "c.csv", dtype={"weight": str}).groupby("weight")["status"].first()
+    assert paths["500"] == "iteration limit" and paths["100"] == "function tolerance"
+    assert any("500 (iteration limit)" in text for text in texts)
+    rows = pd.DataFrame(
+        cost.cost_rows("arc_plane", run / "arc_plane/solutions.csv", run / "arc_plane/timing.csv")
+    )
+    assert rows.groupby("gauge")["excluded"].max().to_dict() == {"fix": 3, "free": 0, "prior": 0}

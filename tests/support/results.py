@@ -43,6 +43,7 @@ def solutions(name: str, trials: int = TRIALS) -> pd.DataFrame:
                     "trial": trial,
                     "status": "function tolerance",
                     "converged": True,
+                    "degenerate": False,
                     "iterations": 6 - quicker,
                     "cost": 500.0,
                     "p_rmse_m": 0.03 * base * (1.0 - better if free else 1.0),
@@ -231,6 +232,7 @@ def covariance(n_keyframes: int = 3) -> dict[str, np.ndarray | float | int]:
         "rank_fix": n + 11,
         "rank_prior": n + 15,
         "gap": 1e10,
+        "withheld": "",
     }
 
 

@@ -110,7 +110,10 @@ class Evidence:
         missing = set(GAUGES) - set(good.loc[good["trial"] == 0, "gauge"])
         if missing:
             raise NoEvidenceError(f"trial 0 of {name} did not converge under {', '.join(sorted(missing))}")
-        return load_arrays(self.covariances[name])
+        arrays = load_arrays(self.covariances[name])
+        if str(arrays["withheld"]):
+            raise NoEvidenceError(f"{name}: {arrays['withheld']}")
+        return arrays
 
     def reason(self, table: str) -> pd.DataFrame:
         """Table of an experiment that explains results."""

@@ -3,6 +3,9 @@
 Three comparisons with the fixed covariance: the transformed free one at the same point, where
 (12) is an identity; the same between the separately converged estimates, as in the paper; and
 the prior's, under its weight and under the square of it, as which the paper's weights act.
+
+Where the problem is degenerate, or a run did not converge, there is no covariance: the archive
+then has the reason under ``withheld`` (otherwise empty), and the spectrum, but no matrices.
 """
 
 from __future__ import annotations
@@ -13,12 +16,14 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from vigauge.archive import load_problems, load_states, save_arrays
+from vigauge.archive import load_problems, load_states, load_statuses, save_arrays
 from vigauge.cli.artefacts import add_prior_weight
 from vigauge.cli.stage import LOG, json_argument, parser, run
 from vigauge.covariance import covariance_of, spectrum, transform_covariance
+from vigauge.diagnosis import Diagnosis, diagnose
 from vigauge.evaluation import relative_frobenius
 from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge
+from vigauge.levenberg_marquardt import CONVERGED, Status
 from vigauge.normal_equations import linearise
 from vigauge.problem import Problem
 from vigauge.state import State
@@ -67,14 +72,42 @@ def compare_gauges(
     }
 
 
+def without_covariance(state: State, found: Diagnosis, withheld: str) -> dict[str, np.ndarray | float | int]:
+    """What the archive holds instead of covariances that would mean nothing."""
+    return {
+        "withheld": np.array(withheld),
+        "n_keyframes": state.n_keyframes,
+        "n_landmarks": state.n_landmarks,
+        "n_parameters": state.n_parameters,
+        # Holding four columns along the orbit takes no rank away, a prior on them adds four.
+        "rank_free": found.rank,
+        "rank_fix": found.rank,
+        "rank_prior": found.rank + found.expected,
+        "eigenvalues": found.eigenvalues,
+        "gap": found.gap,
+    }
+
+
 def work(options: argparse.Namespace) -> None:
     problem = load_problems(options.problems)[0]
     if options.noise:
         problem = problem.with_noise(**options.noise)
     fix, prior, free = load_states(options.states)
+    failed = [
+        f"{gauge} ({status})"
+        for gauge, status in zip(("fix", "prior", "free"), load_statuses(options.states), strict=True)
+        if Status(status) not in CONVERGED
+    ]
     with threadpool_limits(limits=1):
+        found = diagnose(problem, free)
+        withheld = found.withheld or (f"the run did not converge: {', '.join(failed)}" if failed else "")
+        if withheld:
+            save_arrays(options.output, without_covariance(free, found, withheld))
+            LOG.warning("covariance withheld; %s", withheld)
+            return
         arrays = compare_gauges(problem, fix, prior, free, options.prior_weight)
-    save_arrays(options.output, arrays)
+    save_arrays(options.output, {"withheld": np.array(""), **arrays})
+    LOG.info("%s", found.sentence)
     LOG.info(
         "relative Frobenius distance to fixed: %.2e at the same point, %.2e converged, %.2e prior",
         arrays["relative_frobenius_same_point"],

@@ -13,7 +13,7 @@ from vigauge.figures.prior import draw_accuracy, draw_cost, draw_paths
 def work(options: argparse.Namespace) -> None:
     draw_accuracy(options.sweep, options.accuracy, options.published)
     draw_cost(options.sweep, options.timing, options.cost, options.published)
-    draw_paths(options.trace, options.paths, options.path_weights, options.published)
+    draw_paths(options.sweep, options.trace, options.paths, options.path_weights, options.published)
 
 
 def main() -> None:

@@ -16,12 +16,32 @@ from tqdm import tqdm
 from vigauge.archive import load_problems, load_states
 from vigauge.cli.artefacts import add_solver
 from vigauge.cli.stage import LOG, parser, run, settings_from
-from vigauge.experiment import Trial, first_solves, solution_row, solve_interleaved, timing_row, trace_rows
+from vigauge.covariance import condition_number
+from vigauge.experiment import (
+    TimedSolve,
+    Trial,
+    first_solves,
+    solution_row,
+    solve_interleaved,
+    timing_row,
+    trace_rows,
+)
 from vigauge.files import write_rows
 from vigauge.gauge import FreeGauge, Gauge, PriorGauge
 from vigauge.levenberg_marquardt import Options
+from vigauge.normal_equations import linearise
 
 FREE = "free"
+
+
+def _conditioning(timed: TimedSolve, gauge: Gauge) -> dict[str, object]:
+    """Condition number of the scaled reduced system at the end of a run, its prior included."""
+    problem, state = timed.trial.problem, timed.solution.state
+    equations = linearise(problem, state)
+    prior = gauge.prior(state, problem.initial)
+    if prior is not None:
+        equations = equations.with_prior(prior.columns, prior.residual, prior.jacobian)
+    return {"condition": condition_number(equations)}
 
 
 def work(options: argparse.Namespace) -> None:
@@ -36,8 +56,9 @@ def work(options: argparse.Namespace) -> None:
 
     with threadpool_limits(limits=1):
         solves = solve_interleaved(trials, gauges, solver, clock=time.perf_counter, progress=bar)
-    first = first_solves(solves, gauges)
-    write_rows(options.sweep, [solution_row(s, truth, "weight") for s in first])
+        first = first_solves(solves, gauges)
+        rows = [solution_row(s, truth, "weight") | _conditioning(s, gauges[s.gauge]) for s in first]
+    write_rows(options.sweep, rows)
     write_rows(options.trace, [row for s in first for row in trace_rows(s, "weight")])
     write_rows(options.timing, [timing_row(s, "weight") for s in solves])
     LOG.info("%d weights, %d trials", len(options.weights), len(trials))

@@ -89,7 +89,8 @@ def read_off(options: argparse.Namespace) -> dict[str, list[Row]]:
     pairs = []
     for name, file in options.covariances:
         arrays = load_arrays(file)
-        pairs.append(exchange(name, arrays["transformed"], arrays["fixed"]))
+        if not str(arrays["withheld"]):
+            pairs.append(exchange(name, arrays["transformed"], arrays["fixed"]))
     for figure in ("fig09", "fig10"):
         pairs.append(
             exchange_published(f"published {figure}", load_arrays(options.published / f"{figure}.npz"))

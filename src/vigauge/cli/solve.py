@@ -18,6 +18,7 @@ from vigauge.archive import load_problems, load_states, save_states
 from vigauge.cli.artefacts import add_prior_weight, add_solver
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.consistency import chi_square
+from vigauge.diagnosis import diagnose
 from vigauge.errors import ConfigError
 from vigauge.experiment import (
     TimedSolve,
@@ -52,16 +53,23 @@ def _trials(problems: list[Problem], noise: dict[str, dict[str, float]]) -> dict
 
 
 def _consistency(timed: TimedSolve) -> dict[str, object]:
-    """Chi-square per redundancy of the two groups of measurements: near 1 if the noise is right.
+    """Whether the problem is degenerate at the estimate, and the chi-square per redundancy of the two
+    groups of measurements: near 1 if the noise is right.
 
-    NaN where the run did not converge: there is no minimum to speak of.
+    NaN where the run did not converge, as there is no minimum to speak of, and where more than
+    the gauge is unobservable.
     """
-    if not timed.solution.converged:
-        return {"visual_chi2_per_redundancy": math.nan, "inertial_chi2_per_redundancy": math.nan}
-    found = chi_square(timed.trial.problem, timed.solution.state)
+    problem, state = timed.trial.problem, timed.solution.state
+    # Where already the start has no finite cost there is nothing to linearise.
+    degenerate = math.isfinite(timed.solution.cost) and diagnose(problem, state).degenerate
+    visual = inertial = math.nan
+    if timed.solution.converged and not degenerate:
+        found = chi_square(problem, state)
+        visual, inertial = found.visual, found.inertial
     return {
-        "visual_chi2_per_redundancy": found.visual,
-        "inertial_chi2_per_redundancy": found.inertial,
+        "degenerate": degenerate,
+        "visual_chi2_per_redundancy": visual,
+        "inertial_chi2_per_redundancy": inertial,
     }
 
 
@@ -85,14 +93,16 @@ def work(options: argparse.Namespace) -> None:
             first += first_solves(solves, gauges)
             timed += solves if name == HEADLINE else []
         machine = describe_machine()
-    write_rows(options.solutions, [solution_row(s, truth) | _consistency(s) for s in first])
+    rows = [solution_row(s, truth) | _consistency(s) for s in first]
+    write_rows(options.solutions, rows)
     write_rows(options.trace, [row for s in first for row in trace_rows(s)])
     shown = [s for s in first if s.trial.labels == {"noise": HEADLINE, "trial": 0}]
-    save_states(options.states, [s.solution.state for s in shown])
+    save_states(options.states, [s.solution.state for s in shown], [s.solution.status for s in shown])
     write_rows(options.timing, [timing_row(s) for s in timed])
     write_json(options.machine, {"machine": machine, "versions": versions()})
     failed = sum(not s.solution.converged for s in first)
-    LOG.info("%d solves, %d without convergence", len(first), failed)
+    degenerate = sum(bool(row["degenerate"]) for row in rows)
+    LOG.info("%d solves, %d without convergence, %d degenerate", len(first), failed, degenerate)
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from vigauge.cli.artefacts import add_published, named_file, named_text, stem_of
 from vigauge.cli.stage import parser, run
 from vigauge.names import STAND_IN
-from vigauge.tables import left_out, table1, table2, table3, trial_count, wide_errors, write_table
+from vigauge.tables import degenerate, left_out, table1, table2, table3, trial_count, wide_errors, write_table
 
 _BOLD = "Bold: the smaller of fixation and free."
 
@@ -25,13 +25,14 @@ def work(options: argparse.Namespace) -> None:
     if options.table == 2:
         rows = table2(solutions)
         what = f"RMSE in m, deg, m/s; means over {trial_count(solutions)} trials."
-        note = f"{what} {_BOLD}{beside}{left_out(solutions)}"
+        note = f"{what} {_BOLD}{beside}{left_out(solutions)}{degenerate(solutions)}"
         write_table(rows, options.output, wide_errors(rows, published), note)
         return
     rows = table3(solutions, options.source)
     names = dict(options.published_names)
     what = "RMSE in m, deg, m/s" if options.source == "euroc" else f"RMSE in m, deg, m/s; {STAND_IN}"
-    note = f"{what}. {_BOLD}{beside if names else ''}{left_out(solutions)} {_truths(options.reports)}"
+    counted = left_out(solutions) + degenerate(solutions)
+    note = f"{what}. {_BOLD}{beside if names else ''}{counted} {_truths(options.reports)}"
     write_table(rows, options.output, wide_errors(rows, published if names else None, names), note)
 
 

@@ -39,12 +39,14 @@ _AXES = (
 
 def cost_rows(name: str, solutions: Path, timing: Path) -> list[dict[str, object]]:
     """Box statistics of time, iterations and paired ratios of one experiment, a row each."""
-    solved, excluded = converged_only(pd.read_csv(solutions).query("noise == 'headline'"))
+    everything = pd.read_csv(solutions).query("noise == 'headline'")
+    solved, _ = converged_only(everything)
     timed = timing_of(pd.read_csv(timing), solved)
     ratios = time_per_iteration_ratios(timed)
     rows = []
     for gauge in GAUGES:
         labels = {"experiment": name, "gauge": gauge}
+        _, excluded = converged_only(everything[everything["gauge"] == gauge])
         times = timed.loc[timed["gauge"] == gauge, "seconds"].to_numpy()
         counts = solved.loc[solved["gauge"] == gauge, "iterations"].to_numpy()
         for quantity, values in (
@@ -133,7 +135,8 @@ def draw_cost(
 
 def _tick_labels(names: Iterable[str], rows: list[dict[str, object]], wrapped: bool) -> list[str]:
     """Names of experiments, on two lines where narrow, and how many of their runs were left out."""
-    excluded = {row["experiment"]: row["excluded"] for row in rows}
+    table = pd.DataFrame(rows).drop_duplicates(["experiment", "gauge"])
+    excluded = table.groupby("experiment")["excluded"].sum()
     return [
         (name.replace("_", "\n", 1) if wrapped else name.replace("_", " "))
         + (f"\n({excluded[name]} not conv.)" if excluded[name] else "")

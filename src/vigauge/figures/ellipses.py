@@ -15,7 +15,7 @@ from matplotlib.patches import Ellipse
 from ..archive import load_arrays
 from ..files import write_rows
 from ..so3 import Array
-from .style import COLOURS, PAGE, new_figure, note_stand_in, save_figure
+from .style import COLOURS, PAGE, draw_withheld, new_figure, note_stand_in, save_figure
 
 # Share of the flight's extent that the largest ellipse may take.
 _LARGEST_SHARE = 0.12
@@ -72,8 +72,16 @@ def _height(p_W: Array) -> float:
 
 
 def draw_ellipses(archive: Path, stem: Path, source: str) -> None:
-    """Draw both panels from an archive of covariances; ``stem``.csv has centres and ellipses."""
+    """Draw both panels from an archive of covariances; ``stem``.csv has centres and ellipses.
+
+    Where the covariances are withheld, both say why.
+    """
     arrays = load_arrays(archive)
+    withheld = str(arrays["withheld"])
+    if withheld:
+        write_rows(f"{stem}.csv", [{"withheld": withheld, "source": source}])
+        draw_withheld(stem, withheld, source == "rendered")
+        return
     n = int(arrays["n_keyframes"])
     curves = {
         name: (arrays[f"p_W_{name}"], xy_ellipses(arrays[name], n))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..archive import load_arrays, save_arrays
 from ..so3 import Array
-from .style import PAGE, new_figure, note_stand_in, save_figure
+from .style import PAGE, draw_withheld, new_figure, note_stand_in, save_figure
 
 # Offset under the logarithm: magnitudes below it are white (Section VI-B).
 EPSILON = 1e-7
@@ -57,9 +57,15 @@ def _show(figure: Figure, axes: Axes, covariance: Array, held: NDArray[np.bool_]
 def draw_covariances(archive: Path, stem: Path, source: str) -> None:
     """Draw one comparison from an archive of covariances, and keep what is shown as ``stem``.npz.
 
-    ``source`` is 'simulation', 'euroc' or 'rendered'; it is kept with the numbers.
+    ``source`` is 'simulation', 'euroc' or 'rendered'; it is kept with the numbers. Where the
+    covariances are withheld, the figure says why, and the archive too.
     """
     arrays = load_arrays(archive)
+    withheld = str(arrays["withheld"])
+    if withheld:
+        save_arrays(f"{stem}.npz", {"withheld": arrays["withheld"], "source": np.array(source)})
+        draw_withheld(stem, withheld, source == "rendered")
+        return
     save_arrays(f"{stem}.npz", {name: arrays[name] for name in _KEPT} | {"source": np.array(source)})
     held = held_entries(arrays["fixed"])
     none = np.zeros(len(held), dtype=bool)

@@ -86,6 +86,7 @@ def draw_paths(chart: Chart, solutions: Mapping[str, Solution], stem: Path, prio
         for gauge in ("prior", "fix", "free"):
             alpha, s = located[gauge].T
             label = LABELS[gauge] + (f" ($w^P$ = {prior_weight:g})" if gauge == "prior" else "")
+            label += "" if solutions[gauge].converged else f" ({solutions[gauge].status})"
             axes.plot(
                 *paper.place(alpha, s),
                 color=COLOURS[gauge],

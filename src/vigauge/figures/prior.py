@@ -27,6 +27,18 @@ def _weights(sweep: pd.DataFrame) -> list[str]:
     return [weight for weight in dict.fromkeys(sweep["weight"]) if weight != FREE]
 
 
+def _failed(sweep: pd.DataFrame) -> dict[str, int]:
+    """Number of runs that did not converge, by weight, where there are any."""
+    counts = (~sweep["converged"]).groupby(sweep["weight"], sort=False).sum()
+    return {str(weight): int(count) for weight, count in counts.items() if count}
+
+
+def _weight_label(failed: dict[str, int]) -> str:
+    """Label of the axis of weights, with what is left out of the means and boxes."""
+    shown = ", ".join(f"{count} at {weight}" for weight, count in failed.items() if weight != FREE)
+    return "Prior weight" + (f"\nleft out, not converged: {shown}" if shown else "")
+
+
 def _read(file: Path) -> pd.DataFrame:
     return pd.read_csv(file, dtype={"weight": str})
 
@@ -50,8 +62,9 @@ def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
     The paper's curves (grey) have an axis of their own; each curve's span over its mean is stated.
     """
     everything = _read(sweep_file)
-    sweep, failed = converged_only(everything)
+    sweep, _ = converged_only(everything)
     weights = _weights(everything)
+    failed = _failed(everything)
     means = sweep.groupby("weight")[[name for name, _, _ in _QUANTITIES]].mean().reindex(weights)
     theirs = _published_rmse(published)
     with new_figure(COLUMN, 4.1, 3, 1, sharex=True) as (figure, axes):
@@ -79,13 +92,13 @@ def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
                     )
             panel.set_title(spans, fontsize=6, loc="center", pad=2)
         axes[-1].set_xticks(range(len(weights)), weights, rotation=60)
-        axes[-1].set_xlabel("Prior weight")
+        axes[-1].set_xlabel(_weight_label(failed))
         save_figure(figure, stem)
     rows = [
         {
             "weight": weight,
             **{name: float(means.loc[weight, name]) for name, _, _ in _QUANTITIES},
-            "excluded": failed,
+            "excluded": failed.get(weight, 0),
         }
         for weight in weights
     ]
@@ -96,13 +109,16 @@ def draw_cost(sweep_file: Path, timing_file: Path, stem: Path, published: Path |
     """Figure 5: iterations and time of all trials, a box a weight; the paper's iterations in grey."""
     everything = _read(sweep_file)
     sweep, _ = converged_only(everything)
+    failed = _failed(everything)
     timing = timing_of(_read(timing_file), sweep, "weight")
     weights = _weights(everything)
     rows = []
     for quantity, table, column in (("iterations", sweep, "iterations"), ("time_s", timing, "seconds")):
         for weight in weights:
             values = table.loc[table["weight"] == weight, column].to_numpy()
-            rows.append(box_row(values, weight=weight, quantity=quantity))
+            rows.append(
+                box_row(values, weight=weight, quantity=quantity) | {"excluded": failed.get(weight, 0)}
+            )
     table = pd.DataFrame(rows)
     with new_figure(COLUMN, 3.3, 2, 1, sharex=True) as (figure, axes):
         for panel, quantity, label in zip(
@@ -123,15 +139,22 @@ def draw_cost(sweep_file: Path, timing_file: Path, stem: Path, published: Path |
             )
             axes[0].legend()
         axes[-1].set_xticks(range(len(weights)), weights, rotation=60)
-        axes[-1].set_xlabel("Prior weight")
+        axes[-1].set_xlabel(_weight_label(failed))
         save_figure(figure, stem)
     write_rows(f"{stem}.csv", rows)
 
 
-def draw_paths(trace_file: Path, stem: Path, weights: list[str], published: Path | None) -> None:
-    """Figure 6: prior error of yaw and position against mean reprojection error, a dot an iteration."""
-    trace = _read(trace_file)
+def draw_paths(
+    sweep_file: Path, trace_file: Path, stem: Path, weights: list[str], published: Path | None
+) -> None:
+    """Figure 6: prior error of yaw and position against mean reprojection error, a dot an iteration.
+
+    A path whose run did not converge says so in the legend, and in the numbers.
+    """
+    trace, sweep = _read(trace_file), _read(sweep_file)
     trace = trace[trace["trial"] == 0]
+    status = sweep[sweep["trial"] == 0].set_index("weight")["status"].to_dict()
+    failed = _failed(sweep[sweep["trial"] == 0])
     theirs = None if published is None else pd.read_csv(published / "fig06_prior_error_paths.csv")
     panels = (
         ("prior_yaw_rad", "yaw_rad", "Yaw prior error (rad)"),
@@ -149,6 +172,7 @@ def draw_paths(trace_file: Path, stem: Path, weights: list[str], published: Path
             for weight, colour, style in zip([FREE, *weights], _PATH_COLOURS, _LINES, strict=True):
                 path = trace[trace["weight"] == weight]
                 label_of = "Free" if weight == FREE else f"$w^P$ = {weight}"
+                label_of += f" ({status[weight]})" if weight in failed else ""
                 x, y = path["mean_reprojection_px"], path[column]
                 panel.plot(x, y, color=colour, linestyle=style, marker="o", markersize=2.5, label=label_of)
             start = trace[(trace["weight"] == FREE) & (trace["iteration"] == 0)].iloc[0]
@@ -167,4 +191,5 @@ def draw_paths(trace_file: Path, stem: Path, weights: list[str], published: Path
         save_figure(figure, stem)
     shown = trace[trace["weight"].isin([FREE, *weights])]
     columns = ["weight", "iteration", "mean_reprojection_px", "prior_yaw_rad", "prior_position_m", "cost"]
-    write_rows(f"{stem}.csv", shown[columns].to_dict("records"))
+    shown = shown[columns].assign(status=shown["weight"].map(status))
+    write_rows(f"{stem}.csv", shown.to_dict("records"))

@@ -6,6 +6,7 @@ Files are the same bytes for the same data: no dates, no program names in their 
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -70,6 +71,16 @@ def save_figure(figure: Figure, stem: str | os.PathLike[str]) -> None:
     ):
         with atomic_path(Path(f"{stem}{ending}")) as temporary:
             figure.savefig(temporary, metadata=metadata)
+
+
+def draw_withheld(stem: str | os.PathLike[str], why: str, rendered: bool) -> None:
+    """Write a figure that has no numbers to show, and says why."""
+    with new_figure(PAGE, 1.2) as (figure, axes):
+        axes.set_axis_off()
+        text = "\n".join(textwrap.wrap(f"Covariance withheld. {why}.", 100))
+        axes.text(0.5, 0.5, text, ha="center", va="center", fontsize=8, transform=axes.transAxes)
+        note_stand_in(figure, rendered)
+        save_figure(figure, stem)
 
 
 def note_stand_in(figure: Figure, rendered: bool) -> None:
