@@ -54,6 +54,7 @@ FLOORS = (
     "state",
     "kernels",
     "so3",
+    "provenance",
     "machine",
     "configuration",
     "files",

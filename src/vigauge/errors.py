@@ -59,6 +59,14 @@ class ConfigError(DataError):
     """A configuration key that is missing, unknown or out of range."""
 
 
+class MixtureError(DataError):
+    """Results of different configurations, versions or runs that were about to be put together."""
+
+
+class OutputError(VigaugeError):
+    """A result that could not be written: full disk, no permission, file too large. Nothing was changed."""
+
+
 class SolverError(VigaugeError):
     """The optimiser could not go on (non-finite cost, singular system)."""
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import glob
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+from .errors import OutputError
 
 
 @contextmanager
@@ -16,17 +19,53 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside ``target``, renamed onto it when the block ends well.
 
     The temporary name keeps the ending, which many writers look at. On an error the
-    temporary file is removed and ``target`` is left as it was.
+    temporary file is removed and ``target`` is left as it was. What a killed process left
+    behind under such a name is removed too.
+
+    Raises OutputError where the operating system refuses: full disk, no permission. A block
+    that wrote nothing is a defect of the caller: FileNotFoundError.
     """
     target = Path(target)
-    target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _remove_leftovers(target)
         yield temporary
         os.replace(temporary, target)
+    except OSError as error:
+        _remove(temporary)
+        if isinstance(error, FileNotFoundError):
+            raise
+        raise OutputError(
+            f"{target}: cannot be written: {error.strerror or error}; nothing was changed"
+        ) from error
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        _remove(temporary)
         raise
+
+
+def _remove(temporary: Path) -> None:
+    # A folder that may not be written is why the file could not be made: there is none then.
+    with suppress(PermissionError, NotADirectoryError):
+        temporary.unlink(missing_ok=True)
+
+
+def _remove_leftovers(target: Path) -> None:
+    """Temporary files of this target whose process is no longer there."""
+    for file in target.parent.glob(f".{glob.escape(target.stem)}.*{glob.escape(target.suffix)}"):
+        middle = file.name[len(target.stem) + 2 : len(file.name) - len(target.suffix)]
+        if middle.isdigit() and not _runs(int(middle)):
+            file.unlink(missing_ok=True)
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def write_text(target: str | os.PathLike[str], text: str) -> None:

@@ -86,6 +86,7 @@ FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for 
 PUBLISHED_FOLDER = "data/published"
 # Made by a target of its own; the ledger shows it where it is there.
 SENSITIVITY = "data/sensitivity/summary.csv"
+SENSITIVITY_STAMP = "data/sensitivity/summary.stamp.json"
 LEDGER_FILES = [
     "claims.csv",
     "claims.md",
@@ -196,6 +197,11 @@ def sequence_files(wildcards):
     return [*map(str, sensors), *sorted(f"{truth}/data.csv" for truth in truths)]
 
 
+def stamps_of_sequence(wildcards):
+    """Stamps of what a sequence was made from: a stand-in has one, a recording comes from outside."""
+    return [] if EUROC_ROOT else [f"{sequence_folder(wildcards.sequence)}/stamp.json"]
+
+
 def front_end_folder(wildcards):
     return sequence_folder(wildcards.sequence)
 
@@ -240,7 +246,8 @@ def sensitivity_flag():
 
     Not an input: the ledger would then remake a sweep that is only made when asked for.
     """
-    return f"--sensitivity {SENSITIVITY}" if os.path.isfile(SENSITIVITY) else ""
+    there = os.path.isfile(SENSITIVITY) and os.path.isfile(SENSITIVITY_STAMP)
+    return f"--sensitivity {SENSITIVITY} --sensitivity-stamp {SENSITIVITY_STAMP}" if there else ""
 
 
 def sensitivity_digest():

@@ -5,9 +5,11 @@ rule covariance_simulation:
     input:
         problems="data/simulation/{configuration}/problems.npz",
         states="data/solutions/{configuration}/states.npz",
+        stamps=["data/simulation/{configuration}/stamp.json", "data/solutions/{configuration}/stamp.json"],
         code=code_of("covariance"),
     output:
-        "data/covariance/{configuration}.npz",
+        covariance="data/covariance/{configuration}.npz",
+        stamp="data/covariance/{configuration}.stamp.json",
     log:
         "logs/covariance/{configuration}.log",
     conda:
@@ -18,16 +20,18 @@ rule covariance_simulation:
         "Covariances of {wildcards.configuration}"
     shell:
         "python -m vigauge.cli.covariance --problems {input.problems:q} --states {input.states:q}"
-        " --prior-weight {params.weight} --output {output:q} --log {log:q}"
+        " --prior-weight {params.weight} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 rule covariance_sequence:
     input:
         problems="data/sequences/{sequence}/problem.npz",
         states="data/solutions/{sequence}/states.npz",
+        stamps=["data/sequences/{sequence}/stamp.json", "data/solutions/{sequence}/stamp.json"],
         code=code_of("covariance"),
     output:
-        "data/covariance/{sequence}.npz",
+        covariance="data/covariance/{sequence}.npz",
+        stamp="data/covariance/{sequence}.stamp.json",
     log:
         "logs/covariance/{sequence}.log",
     conda:
@@ -39,4 +43,4 @@ rule covariance_sequence:
         "Covariances of {wildcards.sequence}"
     shell:
         "python -m vigauge.cli.covariance --problems {input.problems:q} --states {input.states:q}"
-        " --prior-weight {params.weight} --noise {params.noise:q} --output {output:q} --log {log:q}"
+        " --prior-weight {params.weight} --noise {params.noise:q} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

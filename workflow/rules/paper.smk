@@ -20,6 +20,10 @@ rule environment:
     input:
         timings=expand("data/solutions/{name}/timing.json", name=[*CONFIGURATIONS, *SEQUENCES]),
         reports=expand("data/sequences/{name}/report.json", name=SEQUENCES),
+        stamps=[
+            *expand("data/solutions/{name}/stamp.json", name=[*CONFIGURATIONS, *SEQUENCES]),
+            *expand("data/sequences/{name}/stamp.json", name=SEQUENCES),
+        ],
         code=code_of("environment"),
     output:
         report(f"{OUT}/environment.json", caption="../report/environment.rst", category="Environment"),
@@ -37,12 +41,13 @@ rule environment:
     shell:
         "python -m vigauge.cli.environment --config {params.config:q} --checkout {params.checkout:q}"
         " --source {params.source} --reports {params.reports:q} --timings {input.timings:q}"
-        " --output {output:q} --log {log:q}"
+        " --output {output:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule table1:
     input:
         covariance=f"data/covariance/{config['prior']['sweep_configuration']}.npz",
+        stamps=f"data/covariance/{config['prior']['sweep_configuration']}.stamp.json",
         code=code_of("tables"),
     output:
         csv=report(f"{OUT}/table1.csv", caption="../report/table1.rst", category="Tables"),
@@ -56,13 +61,14 @@ rule table1:
         "Table I"
     shell:
         "python -m vigauge.cli.tables --table 1 --covariance {input.covariance:q} --output {output.csv:q}"
-        " --log {log:q}"
+        " --stamps {input.stamps:q} --log {log:q}"
 
 
 rule table2:
     input:
         solutions=expand("data/solutions/{name}/solutions.csv", name=CONFIGURATIONS),
         published=published("table2"),
+        stamps=expand("data/solutions/{name}/stamp.json", name=CONFIGURATIONS),
         code=code_of("tables"),
     output:
         csv=report(f"{OUT}/table2.csv", caption="../report/table2.rst", category="Tables"),
@@ -79,7 +85,7 @@ rule table2:
         "Table II"
     shell:
         "python -m vigauge.cli.tables --table 2 --solutions {params.named:q} {params.published}"
-        " --output {output.csv:q} --log {log:q}"
+        " --output {output.csv:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule table3:
@@ -87,6 +93,7 @@ rule table3:
         solutions=expand("data/solutions/{name}/solutions.csv", name=SEQUENCES),
         reports=expand("data/sequences/{name}/report.json", name=SEQUENCES),
         published=published("table3"),
+        stamps=expand("data/{kind}/{name}/stamp.json", kind=["sequences", "solutions"], name=SEQUENCES),
         code=code_of("tables"),
     output:
         csv=report(f"{OUT}/table3.csv", caption="../report/table3.rst", category="Tables"),
@@ -107,12 +114,13 @@ rule table3:
     shell:
         "python -m vigauge.cli.tables --table 3 --solutions {params.named:q} {params.published}"
         " --reports {params.reports:q} --published-names {params.names:q}"
-        " --source {params.source} --output {output.csv:q} --log {log:q}"
+        " --source {params.source} --output {output.csv:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_ellipses:
     input:
         covariance=f"data/covariance/{MACHINE_HALL}.npz",
+        stamps=f"data/covariance/{MACHINE_HALL}.stamp.json",
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig01']}.png", caption="../report/fig01.rst", category="Figures"),
@@ -127,12 +135,13 @@ rule figure_ellipses:
         "Figure 1"
     shell:
         "python -m vigauge.cli.figure_covariance --kind ellipses --covariance {input.covariance:q}"
-        " --source {params.source} --output {output.png:q} --log {log:q}"
+        " --source {params.source} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_orbit:
     input:
         problems=f"data/simulation/{config['prior']['sweep_configuration']}/problems.npz",
+        stamps=f"data/simulation/{config['prior']['sweep_configuration']}/stamp.json",
         code=code_of("figure_orbit"),
     output:
         paths=report(f"{OUT}/{FIGURES['fig02']}.png", caption="../report/fig02.rst", category="Figures"),
@@ -154,13 +163,14 @@ rule figure_orbit:
     shell:
         "python -m vigauge.cli.figure_orbit --problems {input.problems:q} --trial {params.trial}"
         " --prior-weight {params.weight} --solver {params.solver:q} --paths {output.paths:q}"
-        " --transformation {output.transformation:q} --log {log:q}"
+        " --transformation {output.transformation:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_scenes:
     input:
         truths=expand("data/simulation/{name}/truth.npz", name=config["figures"]["scenes"]),
         paths=expand("data/simulation/{name}/path.csv", name=config["figures"]["scenes"]),
+        stamps=expand("data/simulation/{name}/stamp.json", name=config["figures"]["scenes"]),
         code=code_of("figure_scenes"),
     output:
         png=report(f"{OUT}/{FIGURES['fig03']}.png", caption="../report/fig03.rst", category="Figures"),
@@ -175,7 +185,7 @@ rule figure_scenes:
         "Figure 3"
     shell:
         "python -m vigauge.cli.figure_scenes --names {params.names} --truths {input.truths:q}"
-        " --paths {input.paths:q} --output {output.png:q} --log {log:q}"
+        " --paths {input.paths:q} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_prior:
@@ -184,6 +194,7 @@ rule figure_prior:
         timing="data/prior_sweep/timing.csv",
         trace="data/prior_sweep/trace.csv",
         published=published("fig04_prior_weight_rmse", "fig05_prior_weight_cost", "fig06_prior_error_paths"),
+        stamps="data/prior_sweep/stamp.json",
         code=code_of("figure_prior"),
     output:
         accuracy=report(f"{OUT}/{FIGURES['fig04']}.png", caption="../report/fig04.rst", category="Figures"),
@@ -204,13 +215,14 @@ rule figure_prior:
     shell:
         "python -m vigauge.cli.figure_prior --sweep {input.sweep:q} --timing {input.timing:q}"
         " --trace {input.trace:q} --path-weights {params.weights} {params.published}"
-        " --accuracy {output.accuracy:q} --cost {output.cost:q} --paths {output.paths:q} --log {log:q}"
+        " --accuracy {output.accuracy:q} --cost {output.cost:q} --paths {output.paths:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_simulation_cost:
     input:
         expand("data/solutions/{name}/{file}.csv", name=FIGURE7_ORDER, file=["solutions", "timing"]),
         published=published("fig07_simulation_cost"),
+        stamps=expand("data/solutions/{name}/stamp.json", name=FIGURE7_ORDER),
         code=code_of("figure_cost"),
     output:
         png=report(f"{OUT}/{FIGURES['fig07']}.png", caption="../report/fig07.rst", category="Figures"),
@@ -229,12 +241,13 @@ rule figure_simulation_cost:
     shell:
         "python -m vigauge.cli.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
         " --source simulation {params.published} --published-file fig07_simulation_cost.csv"
-        " --published-names {params.names} --output {output.png:q} --log {log:q}"
+        " --published-names {params.names} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_covariance_simulation:
     input:
         covariance=f"data/covariance/{config['prior']['sweep_configuration']}.npz",
+        stamps=f"data/covariance/{config['prior']['sweep_configuration']}.stamp.json",
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig09']}.png", caption="../report/fig09.rst", category="Figures"),
@@ -247,12 +260,13 @@ rule figure_covariance_simulation:
         "Figure 9"
     shell:
         "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
-        " --source simulation --output {output.png:q} --log {log:q}"
+        " --source simulation --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_covariance_sequence:
     input:
         covariance=f"data/covariance/{VICON_ROOM}.npz",
+        stamps=f"data/covariance/{VICON_ROOM}.stamp.json",
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig10']}.png", caption="../report/fig10.rst", category="Figures"),
@@ -267,13 +281,14 @@ rule figure_covariance_sequence:
         "Figure 10"
     shell:
         "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
-        " --source {params.source} --output {output.png:q} --log {log:q}"
+        " --source {params.source} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_sequence_cost:
     input:
         expand("data/solutions/{name}/{file}.csv", name=PAPER_SEQUENCES, file=["solutions", "timing"]),
         published=published("fig11_euroc_cost"),
+        stamps=expand("data/solutions/{name}/stamp.json", name=PAPER_SEQUENCES),
         code=code_of("figure_cost"),
     output:
         png=report(f"{OUT}/{FIGURES['fig11']}.png", caption="../report/fig11.rst", category="Figures"),
@@ -291,7 +306,7 @@ rule figure_sequence_cost:
         "Figure 11"
     shell:
         "python -m vigauge.cli.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
-        " --source {params.source} {params.published} --output {output.png:q} --log {log:q}"
+        " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule claims:
@@ -303,6 +318,12 @@ rule claims:
         sweep_timing="data/prior_sweep/timing.csv",
         sweep_trace="data/prior_sweep/trace.csv",
         machine=f"data/solutions/{config['prior']['sweep_configuration']}/timing.json",
+        stamps=[
+            *expand("data/solutions/{name}/stamp.json", name=EXPERIMENTS),
+            *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
+            "data/prior_sweep/stamp.json",
+            "data/reasons/stamp.json",
+        ],
         code=code_of("claims"),
     output:
         csv=report(f"{OUT}/claims.csv", caption="../report/claims.rst", category="Claims"),
@@ -334,7 +355,7 @@ rule claims:
         " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --sequences {params.sequences:q}"
         " --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q}"
-        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q} {params.sensitivity} --log {log:q}"
+        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q} {params.sensitivity} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule summary:

@@ -14,9 +14,16 @@ rule reasons:
             file=["fig05_prior_weight_cost.csv", "fig06_prior_error_paths.csv", "fig09.npz", "fig10.npz"],
         ),
         sweep_trace="data/prior_sweep/trace.csv",
+        stamps=[
+            *expand("data/simulation/{name}/stamp.json", name=CONFIGURATIONS),
+            *expand("data/solutions/{name}/stamp.json", name=EXPERIMENTS),
+            *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
+            "data/prior_sweep/stamp.json",
+        ],
         code=code_of("reasons"),
     output:
-        expand("data/reasons/{name}.csv", name=REASONS),
+        tables=expand("data/reasons/{name}.csv", name=REASONS),
+        stamp="data/reasons/stamp.json",
     log:
         "logs/reasons.log",
     conda:
@@ -39,4 +46,4 @@ rule reasons:
         " --traces {params.traces:q} --covariances {params.covariances:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --published {params.published:q}"
         " --prior-weight {params.weight} --solver {params.solver:q} --settings {params.settings:q}"
-        " --output {params.output:q} --log {log:q}"
+        " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

@@ -16,7 +16,8 @@ rule sensitivity_setting:
     input:
         code=code_of("sensitivity"),
     output:
-        expand("data/sensitivity/{{parameter}}={{value}}/{name}.csv", name=CONFIGURATIONS),
+        tables=expand("data/sensitivity/{{parameter}}={{value}}/{name}.csv", name=CONFIGURATIONS),
+        stamp="data/sensitivity/{parameter}={value}/stamp.json",
     log:
         "logs/sensitivity/{parameter}={value}.log",
     conda:
@@ -32,16 +33,18 @@ rule sensitivity_setting:
     shell:
         "python -m vigauge.cli.sensitivity --parameter {wildcards.parameter} --value {wildcards.value}"
         " --trials {params.trials} --settings {params.settings:q} --solver {params.solver:q}"
-        " --prior-weight {params.weight} --output {params.output:q} --log {log:q}"
+        " --prior-weight {params.weight} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 rule sensitivity_summary:
     input:
         expand("data/sensitivity/{setting}/{name}.csv", setting=SWEPT, name=CONFIGURATIONS),
         published=[f"{PUBLISHED_FOLDER}/table2.csv"],
+        stamps=expand("data/sensitivity/{setting}/stamp.json", setting=SWEPT),
         code=code_of("sensitivity_summary"),
     output:
-        SENSITIVITY,
+        summary=SENSITIVITY,
+        stamp=SENSITIVITY_STAMP,
     log:
         "logs/sensitivity/summary.log",
     conda:
@@ -55,4 +58,4 @@ rule sensitivity_summary:
         "Judging the claims over the sweep"
     shell:
         "python -m vigauge.cli.sensitivity_summary --folder {params.folder:q} --settings {params.settings:q}"
-        " --published {params.published:q} --criteria {params.criteria:q} --output {output:q} --log {log:q}"
+        " --published {params.published:q} --criteria {params.criteria:q} --output {output.summary:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

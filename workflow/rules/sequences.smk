@@ -7,6 +7,7 @@ rule render:
     output:
         folder=directory("data/rendered/rendered_{scene}/mav0"),
         about="data/rendered/rendered_{scene}/rendered.json",
+        stamp="data/rendered/rendered_{scene}/stamp.json",
     log:
         "logs/render/{scene}.log",
     conda:
@@ -17,17 +18,19 @@ rule render:
         "Rendering the stand-in {wildcards.scene} (not EuRoC)"
     shell:
         "python -m vigauge.cli.render --scene {wildcards.scene} --output data/rendered"
-        " --settings {params.settings:q} --log {log:q}"
+        " --settings {params.settings:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 rule front_end:
     input:
         sequence=sequence_files,
+        stamps=stamps_of_sequence,
         code=code_of("front_end"),
     output:
         problem="data/sequences/{sequence}/problem.npz",
         truth="data/sequences/{sequence}/truth.npz",
         report="data/sequences/{sequence}/report.json",
+        stamp="data/sequences/{sequence}/stamp.json",
     log:
         "logs/front_end/{sequence}.log",
     conda:
@@ -42,4 +45,4 @@ rule front_end:
     shell:
         "python -m vigauge.cli.front_end --sequence {params.folder:q} --biases {params.biases:q}"
         " --truth {params.truth:q} --settings {params.settings:q} --output {output.problem:q}"
-        " --truth-output {output.truth:q} --report {output.report:q} --log {log:q}"
+        " --truth-output {output.truth:q} --report {output.report:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

@@ -9,6 +9,7 @@ rule simulate:
         truth="data/simulation/{trajectory}_{points}/truth.npz",
         path="data/simulation/{trajectory}_{points}/path.csv",
         report="data/simulation/{trajectory}_{points}/report.json",
+        stamp="data/simulation/{trajectory}_{points}/stamp.json",
     log:
         "logs/simulate/{trajectory}_{points}.log",
     conda:
@@ -20,4 +21,4 @@ rule simulate:
     shell:
         "python -m vigauge.cli.simulate --trajectory {wildcards.trajectory} --points {wildcards.points}"
         " --settings {params.settings:q} --problems {output.problems:q} --truth {output.truth:q}"
-        " --path {output.path:q} --report {output.report:q} --log {log:q}"
+        " --path {output.path:q} --report {output.report:q} --stamp {output.stamp:q} --log {log:q}"

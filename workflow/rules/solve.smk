@@ -5,6 +5,7 @@ rule solve_simulation:
     input:
         problems="data/simulation/{configuration}/problems.npz",
         truth="data/simulation/{configuration}/truth.npz",
+        stamp="data/simulation/{configuration}/stamp.json",
         code=code_of("solve"),
     output:
         solutions="data/solutions/{configuration}/solutions.csv",
@@ -12,6 +13,7 @@ rule solve_simulation:
         states="data/solutions/{configuration}/states.npz",
         timing="data/solutions/{configuration}/timing.csv",
         machine="data/solutions/{configuration}/timing.json",
+        stamp="data/solutions/{configuration}/stamp.json",
     log:
         "logs/solve/{configuration}.log",
     conda:
@@ -27,13 +29,14 @@ rule solve_simulation:
         "python -m vigauge.cli.solve --problems {input.problems:q} --truth {input.truth:q}"
         " --prior-weight {params.weight} --solver {params.solver:q} --repeats {params.repeats}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
-        " --timing {output.timing:q} --machine {output.machine:q} --log {log:q}"
+        " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 rule solve_sequence:
     input:
         problems="data/sequences/{sequence}/problem.npz",
         truth="data/sequences/{sequence}/truth.npz",
+        stamp="data/sequences/{sequence}/stamp.json",
         code=code_of("solve"),
     output:
         solutions="data/solutions/{sequence}/solutions.csv",
@@ -41,6 +44,7 @@ rule solve_sequence:
         states="data/solutions/{sequence}/states.npz",
         timing="data/solutions/{sequence}/timing.csv",
         machine="data/solutions/{sequence}/timing.json",
+        stamp="data/solutions/{sequence}/stamp.json",
     log:
         "logs/solve/{sequence}.log",
     conda:
@@ -58,18 +62,20 @@ rule solve_sequence:
         " --prior-weight {params.weight} --solver {params.solver:q} --noise {params.noise:q}"
         " --repeats {params.repeats}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
-        " --timing {output.timing:q} --machine {output.machine:q} --log {log:q}"
+        " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 rule prior_sweep:
     input:
         problems=f"data/simulation/{config['prior']['sweep_configuration']}/problems.npz",
         truth=f"data/simulation/{config['prior']['sweep_configuration']}/truth.npz",
+        stamp=f"data/simulation/{config['prior']['sweep_configuration']}/stamp.json",
         code=code_of("prior_sweep"),
     output:
         sweep="data/prior_sweep/sweep.csv",
         trace="data/prior_sweep/trace.csv",
         timing="data/prior_sweep/timing.csv",
+        stamp="data/prior_sweep/stamp.json",
     log:
         "logs/prior_sweep.log",
     conda:
@@ -83,4 +89,4 @@ rule prior_sweep:
     shell:
         "python -m vigauge.cli.prior_sweep --problems {input.problems:q} --truth {input.truth:q}"
         " --weights {params.weights} --solver {params.solver:q}"
-        " --sweep {output.sweep:q} --trace {output.trace:q} --timing {output.timing:q} --log {log:q}"
+        " --sweep {output.sweep:q} --trace {output.trace:q} --timing {output.timing:q} --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"

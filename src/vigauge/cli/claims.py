@@ -12,7 +12,9 @@ from vigauge.claims import Criteria, Evidence, explanations, ledger, paired_stat
 from vigauge.claims.sensitivity import ranges
 from vigauge.cli.artefacts import named_file
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.errors import MixtureError
 from vigauge.files import write_rows, write_text
+from vigauge.provenance import require_coherent
 from vigauge.tables import markdown
 
 
@@ -48,11 +50,24 @@ def work(options: argparse.Namespace) -> None:
     write_rows(options.why, why)
     write_rows(options.statistics, paired_statistics(evidence))
     page = markdown(rows, note) + "\n## Why\n\n" + markdown(why)
-    if options.sensitivity:
+    if options.sensitivity and _belongs(options):
         page += "\n## Where in the range of our assumptions\n\n" + _ranges(options.sensitivity)
     write_text(options.output.with_suffix(".md"), page)
     for row in rows:
         LOG.info("%-10s %s: %s", row["verdict"], row["claim"], row["measured"])
+
+
+def _belongs(options: argparse.Namespace) -> bool:
+    """Whether the sweep, which is only made when asked for, is of the same configuration as the results."""
+    try:
+        stamps = require_coherent([*options.stamps, options.sensitivity_stamp])
+    except MixtureError as error:
+        LOG.warning("sensitivity sweep left out: %s", error)
+        return False
+    same = stamps[options.sensitivity_stamp].config["claims"] == options.criteria
+    if not same:
+        LOG.warning("sensitivity sweep left out: it was judged by other criteria; make 'sensitivity' again")
+    return bool(same)
 
 
 def _ranges(summary: Path) -> str:
@@ -91,6 +106,7 @@ def main() -> None:
     arguments.add_argument(
         "--sensitivity", type=Path, help="summary of the sensitivity sweep, if there is one"
     )
+    arguments.add_argument("--sensitivity-stamp", type=Path, help="stamp of that summary")
     run(work, arguments)
 
 

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_problems, load_states, load_statuses, save_arrays
 from vigauge.cli.artefacts import add_prior_weight
-from vigauge.cli.stage import LOG, json_argument, parser, run
+from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run
 from vigauge.covariance import covariance_of, spectrum, transform_covariance
 from vigauge.diagnosis import Diagnosis, diagnose
 from vigauge.evaluation import relative_frobenius
@@ -127,7 +127,7 @@ def main() -> None:
     arguments.add_argument(
         "--output", type=Path, required=True, help="output: covariances and their distances"
     )
-    run(work, arguments)
+    run(work, arguments, Stamped({"prior_weight": "prior.weight"}, outputs=("output",)))
 
 
 if __name__ == "__main__":

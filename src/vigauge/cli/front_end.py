@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vigauge.archive import save_problems, save_states
-from vigauge.cli.stage import LOG, json_argument, parser, run
+from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run
 from vigauge.errors import DataError
 from vigauge.euroc.ground_truth import GroundTruth, read_ground_truth
 from vigauge.euroc.sequence import read_sequence
@@ -50,6 +50,13 @@ def work(options: argparse.Namespace) -> None:
     )
 
 
+def sources_of(options: argparse.Namespace) -> list[Path]:
+    """Tables of the sequence, by which its data are known; images are named in them."""
+    mav0 = options.sequence / "mav0"
+    tables = {mav0 / sensor / "data.csv" for sensor in ("cam0", "cam1", "imu0")}
+    return sorted(tables | {options.biases / "data.csv", options.truth / "data.csv"})
+
+
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--sequence", type=Path, required=True, help="folder with mav0/ in it")
@@ -63,7 +70,11 @@ def main() -> None:
         "--truth-output", type=Path, required=True, help="output: true states at the keyframes"
     )
     arguments.add_argument("--report", type=Path, required=True, help="output: counts and errors")
-    run(work, arguments)
+    run(
+        work,
+        arguments,
+        Stamped({}, outputs=("output", "truth_output", "report"), sources=sources_of),
+    )
 
 
 if __name__ == "__main__":

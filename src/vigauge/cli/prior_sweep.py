@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from vigauge.archive import load_problems, load_states
 from vigauge.cli.artefacts import add_solver
-from vigauge.cli.stage import LOG, parser, run, settings_from
+from vigauge.cli.stage import LOG, Stamped, parser, run, settings_from
 from vigauge.covariance import condition_number
 from vigauge.experiment import (
     TimedSolve,
@@ -75,7 +75,15 @@ def main() -> None:
     arguments.add_argument("--sweep", type=Path, required=True, help="output: a row a solve")
     arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
     arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
-    run(work, arguments)
+    run(
+        work,
+        arguments,
+        Stamped(
+            {"solver": "solver", "weights": "prior.sweep_weights"},
+            outputs=("sweep", "trace"),
+            timings=("timing",),
+        ),
+    )
 
 
 if __name__ == "__main__":

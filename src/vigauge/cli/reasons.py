@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_arrays, load_problems, load_states
 from vigauge.cli.artefacts import add_prior_weight, add_solver, named_file
-from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
 from vigauge.files import write_rows
 from vigauge.gauge import FixedGauge, Gauge, PriorGauge, three_gauges
 from vigauge.levenberg_marquardt import Options
@@ -131,7 +131,14 @@ def main() -> None:
     add_solver(arguments)
     arguments.add_argument("--settings", type=json_argument, required=True, help="config section 'reasons'")
     arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
-    run(work, arguments)
+    run(
+        work,
+        arguments,
+        Stamped(
+            {"solver": "solver", "prior_weight": "prior.weight", "settings": "reasons"},
+            files=lambda options: sorted(options.output.glob("*.csv")),
+        ),
+    )
 
 
 if __name__ == "__main__":

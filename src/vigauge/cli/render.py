@@ -9,7 +9,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
 from vigauge.machine import versions
 from vigauge.simulation.asl_folder import write_asl_folder
 from vigauge.simulation.rendering import SCENES, RenderSettings, render_sequence
@@ -27,6 +27,12 @@ def work(options: argparse.Namespace) -> None:
     LOG.info("%s: %d stereo frames", name, len(sequence.frame_ns))
 
 
+def rendered_files(options: argparse.Namespace) -> list[Path]:
+    """What was made: the sequence's folder and what is said about it."""
+    folder = options.output / f"rendered_{options.scene}"
+    return [folder / "mav0", folder / "rendered.json"]
+
+
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--scene", choices=sorted(SCENES), required=True)
@@ -34,7 +40,7 @@ def main() -> None:
         "--output", type=Path, required=True, help="folder in which rendered_<scene> is made"
     )
     arguments.add_argument("--settings", type=json_argument, default={}, help="section 'scene' of a stand-in")
-    run(work, arguments)
+    run(work, arguments, Stamped({}, files=rendered_files))
 
 
 if __name__ == "__main__":

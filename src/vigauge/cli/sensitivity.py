@@ -11,7 +11,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from vigauge.cli.artefacts import add_prior_weight, add_solver
-from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
 from vigauge.errors import ConfigError
 from vigauge.experiment import Trial, first_solves, solution_row, solve_interleaved
 from vigauge.files import write_rows
@@ -68,7 +68,19 @@ def main() -> None:
     arguments.add_argument(
         "--output", type=Path, required=True, help="folder that gets a CSV a configuration"
     )
-    run(work, arguments)
+    run(
+        work,
+        arguments,
+        Stamped(
+            {
+                "settings": "simulation",
+                "solver": "solver",
+                "prior_weight": "prior.weight",
+                "trials": "sensitivity.trials",
+            },
+            files=lambda options: sorted(options.output.glob("*.csv")),
+        ),
+    )
 
 
 if __name__ == "__main__":

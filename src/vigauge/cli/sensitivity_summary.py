@@ -9,7 +9,7 @@ import pandas as pd
 
 from vigauge.claims import Criteria
 from vigauge.claims.sensitivity import judge_setting
-from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.cli.stage import Stamped, json_argument, parser, run, settings_from
 from vigauge.files import write_rows
 
 
@@ -33,7 +33,7 @@ def main() -> None:
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
     arguments.add_argument("--criteria", type=json_argument, required=True, help="config section 'claims'")
     arguments.add_argument("--output", type=Path, required=True, help="a row a setting and claim")
-    run(work, arguments)
+    run(work, arguments, Stamped({"criteria": "claims"}, outputs=("output",)))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from vigauge.archive import save_problems, save_states
-from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
 from vigauge.files import write_json, write_rows
 from vigauge.simulation.checks import chi_square_at_truth, describe
 from vigauge.simulation.scenario import make_scene, make_trials
@@ -54,7 +54,11 @@ def main() -> None:
     arguments.add_argument(
         "--report", type=Path, required=True, help="output: what was simulated, chi-squares"
     )
-    run(work, arguments)
+    run(
+        work,
+        arguments,
+        Stamped({"settings": "simulation"}, outputs=("problems", "truth", "path", "report")),
+    )
 
 
 if __name__ == "__main__":

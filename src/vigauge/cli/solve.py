@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from vigauge.archive import load_problems, load_states, save_states
 from vigauge.cli.artefacts import add_prior_weight, add_solver
-from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
 from vigauge.consistency import chi_square
 from vigauge.diagnosis import diagnose
 from vigauge.errors import ConfigError
@@ -122,7 +122,15 @@ def main() -> None:
     )
     arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
     arguments.add_argument("--machine", type=Path, required=True, help="output: what it ran on")
-    run(work, arguments)
+    run(
+        work,
+        arguments,
+        Stamped(
+            {"solver": "solver", "prior_weight": "prior.weight"},
+            outputs=("solutions", "trace", "states"),
+            timings=("timing", "machine"),
+        ),
+    )
 
 
 if __name__ == "__main__":

@@ -1,0 +1,79 @@
+"""Results of two runs, byte by byte but for what tells times."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+FOLDERS = ("data", "paper_figures")
+
+# Files that hold nothing but times, and drawings of times.
+TIMES_ONLY = ("timing.csv", "timing.json")
+DRAWN_TIMES = ("fig05_", "fig07_", "fig11_")
+
+
+def results(project: Path) -> Iterator[Path]:
+    """Result files of a project, relative to it; Snakemake's own hidden files are none."""
+    for folder in FOLDERS:
+        for file in sorted((project / folder).rglob("*")):
+            if file.is_file() and file.name != ".snakemake_timestamp":
+                yield file.relative_to(project)
+
+
+def differences(one: Path, other: Path) -> list[str]:
+    """What differs between the results of two projects, in words; empty where they are the same."""
+    names = {folder: set(results(folder)) for folder in (one, other)}
+    out = [f"{name} is in one run only" for name in sorted(names[one] ^ names[other])]
+    timed = _timed_claims(one)
+    for name in sorted(names[one] & names[other]):
+        read = _reader(name, timed)
+        if read is not None and read(one / name) != read(other / name):
+            out.append(f"{name} differs")
+    return out
+
+
+def _reader(name: Path, timed: set[str]) -> Callable[[Path], object] | None:
+    """How to read a file without its times; None where nothing else is in it."""
+    if name.name in TIMES_ONLY:
+        return None
+    if name.name.endswith("stamp.json"):
+        return _stamp
+    if name.name.startswith(DRAWN_TIMES):
+        return _iterations if name.suffix == ".csv" else None
+    if name.name in ("claims.csv", "claims_why.csv"):
+        return lambda path: [row for row in _rows(path) if row["id"] not in timed]
+    if name.name in ("claims.md", "summary.md"):
+        return lambda path: [line for line in path.read_text("utf-8").splitlines() if not _of(timed, line)]
+    return Path.read_bytes
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def _stamp(path: Path) -> dict[str, object]:
+    """A stamp without the digests of times."""
+    return {key: value for key, value in json.loads(path.read_text("utf-8")).items() if key != "timings"}
+
+
+def _iterations(path: Path) -> list[dict[str, str]]:
+    return [row for row in _rows(path) if not row["quantity"].startswith("time")]
+
+
+def _timed_claims(project: Path) -> set[str]:
+    """Ids and wordings of claims that are judged by times: what was measured names the processor."""
+    environment = project / "paper_figures" / "environment.json"
+    claims = project / "paper_figures" / "claims.csv"
+    if not (environment.is_file() and claims.is_file()):
+        return set()
+    processor = json.loads(environment.read_text("utf-8"))["machine"]["processor"]
+    timed = [row for row in _rows(claims) if f" on {processor}" in row["measured"]]
+    return {row[key] for row in timed for key in ("id", "claim")}
+
+
+def _of(timed: set[str], line: str) -> bool:
+    """Whether a line of the ledger or the summary tells of a timed claim, or counts verdicts."""
+    return line.startswith("Claims: ") or any(f"| {text} |" in line for text in timed)
