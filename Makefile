@@ -17,11 +17,13 @@ BIN := $(VENV)/bin
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 SET_UP := $(VENV)/.installed
 
-.PHONY: help setup paper test lint format lock clean distclean
+.PHONY: help setup paper recovery test lint format lock clean distclean
 .DEFAULT_GOAL := help
 
 help:
-	@echo "make paper      set up, then every table and figure into paper_figures/ (CORES=$(CORES))"
+	@echo "make paper      set up, then every table and figure into paper_figures/ (CORES=$(CORES));"
+	@echo "                after a kill or a crash, the same again takes up where it was"
+	@echo "make recovery   kill the pipeline at random moments, start it again, compare (docs/recovery.csv)"
 	@echo "make test       set up, check as 'make lint' does, then run the tests"
 	@echo "make lint       formatting, lint, types, and the workflow's own lint; changes nothing"
 	@echo "make format     rewrite Python and rule files in the project's format"
@@ -56,7 +58,12 @@ $(SET_UP): $(VENV)/.locked pyproject.toml
 	@touch $@
 
 paper: $(SET_UP)
-	$(RUN) snakemake --cores $(CORES)
+	$(RUN) python -m vigauge.cli.resume --cores $(CORES)
+
+# Minutes for the smoke configuration, an hour or more for the full one.
+recovery: $(SET_UP)
+	$(RUN) python tests/recovery/kill.py --config smoke --kills 20 --kills-per-run 5 --record docs/recovery.csv
+	$(RUN) python tests/recovery/kill.py --config full --kills 5 --kills-per-run 5 --record docs/recovery.csv
 
 test: lint
 	$(RUN) pytest

@@ -468,3 +468,37 @@ def test_transformation_refuses_what_does_not_fit():
         transform_covariance(np.eye(12), state, FIXED, problem.initial)
     with pytest.raises(DataError, match="landmarks"):
         transform_covariance(np.eye(9 * state.n_keyframes), state, FREE, problem.initial)
+
+
+def test_transformation_refuses_what_is_not_symmetric():
+    """Catches a triangle of a covariance taken for all of it, and a NaN carried through."""
+    problem, state, equations = at_minimum()
+    covariance = covariance_of(equations, state, FREE, problem.initial)
+    with pytest.raises(DataError, match="covariance, asymmetry: must be finite and symmetric"):
+        transform_covariance(np.tril(covariance), state, FIXED, problem.initial)
+    covariance[3, 3] = np.nan
+    with pytest.raises(DataError, match="must be finite and symmetric"):
+        transform_covariance(covariance, state, FIXED, problem.initial)
+
+
+@pytest.mark.parametrize("length", [np.pi - 1e-6, np.pi, np.pi + 1e-6, np.pi + 0.5, 6.0])
+def test_the_first_increment_may_be_about_pi(length):
+    """Catches a series, a logarithm or a branch that fails where the paper's Eq. (9) warns of
+    (|dphi_0| < pi): the parametrisation itself holds up to 2 pi."""
+    problem, state, _ = at_minimum()
+    dphi_0 = length * np.array([0.48, -0.36, 0.8])
+    state = replace(state, dphi_0=dphi_0, R_WB0_ref=so3.exp(-dphi_0) @ state.R_WB[0]).require_valid()
+    equations = linearise(problem, state)
+    covariance = covariance_of(equations, state, FREE, problem.initial)
+    moved_covariance, moved = transform_covariance(covariance, state, FIXED, problem.initial)
+    expected = covariance_of(linearise(problem, moved), moved, FIXED, problem.initial)
+    assert relative_frobenius(moved_covariance, expected) < 1e-7
+
+
+def test_an_increment_of_a_whole_turn_is_refused():
+    """Catches a state at which the rotation has no derivative by its increment."""
+    _, state, _ = at_minimum()
+    dphi_0 = 2.0 * np.pi * np.array([0.0, 0.6, 0.8])
+    state = replace(state, dphi_0=dphi_0, R_WB0_ref=so3.exp(-dphi_0) @ state.R_WB[0])
+    with pytest.raises(DataError, match=r"dphi_0: must be shorter than 2 pi"):
+        state.require_valid()

@@ -13,7 +13,14 @@ from support.derivatives import central_differences
 from support.random_problem import random_state
 from vigauge import so3
 from vigauge.errors import VigaugeError
-from vigauge.evaluation import align_all_poses, align_first_pose, relative_frobenius, trajectory_errors
+from vigauge.evaluation import (
+    CovarianceDefects,
+    align_all_poses,
+    align_first_pose,
+    covariance_defects,
+    relative_frobenius,
+    trajectory_errors,
+)
 
 TRUTH = random_state(np.random.default_rng(21), 6, 3)
 yaw = st.floats(-3.1, 3.1)
@@ -110,3 +117,29 @@ def test_relative_frobenius_is_over_the_reference():
     A, B = np.diag([3.0, 0.0]), np.diag([1.0, 0.0])
     assert relative_frobenius(A, B) == pytest.approx(2.0)
     assert relative_frobenius(B, A) == pytest.approx(2.0 / 3.0)
+
+
+def test_a_yaw_without_meaning_is_refused():
+    """Turned by pi about a level axis there is no twist about the vertical, only rounding errors."""
+    truth = random_state(np.random.default_rng(5))
+    turn = so3.exp(np.pi * np.array([np.cos(0.4), np.sin(0.4), 0.0]))
+    upside_down = replace(truth, R_WB=turn @ truth.R_WB)
+    with pytest.raises(VigaugeError, match="yaw between estimate and truth is undefined"):
+        align_first_pose(upside_down, truth)
+
+
+def test_defects_of_covariances_are_measured_whatever_the_units():
+    """An asymmetric or indefinite matrix that passes for a covariance because its entries are small."""
+    rng = np.random.default_rng(6)
+    root = rng.normal(size=(6, 6)) * np.array([1e-6, 1e-3, 1.0, 1.0, 10.0, 1e3])[:, None]
+    good = root @ root.T
+    good[5] = good[:, 5] = 0.0  # held
+    assert covariance_defects(good) == CovarianceDefects(0.0, pytest.approx(0.0, abs=1e-14))
+    bad = good.copy()
+    bad[0, 1] *= 1.1
+    assert covariance_defects(bad).asymmetry > 0.0
+    bad = good.copy()
+    bad[0, 1] = bad[1, 0] = 2.0 * np.sqrt(good[0, 0] * good[1, 1])
+    assert covariance_defects(bad).negativity > 0.1
+    assert covariance_defects(-good).negativity == 1.0
+    assert covariance_defects(np.zeros((3, 3))) == CovarianceDefects(0.0, 0.0)

@@ -288,7 +288,8 @@ def transform_covariance(
     Raises
     ------
     DataError
-        for another shape, or a motion block where the gauge constrains landmarks
+        for another shape, a matrix that is not symmetric, or a motion block where the gauge
+        constrains landmarks
     """
     n = len(covariance)
     n_motion = 9 * state.n_keyframes
@@ -304,6 +305,9 @@ def transform_covariance(
         raise DataError(
             "covariance", f"gauge '{gauge.name}' constrains landmarks, so their covariance is needed"
         )
+    asymmetry = float(np.linalg.norm(covariance - covariance.T) / np.linalg.norm(covariance))
+    if not asymmetry < 1e-8:
+        raise DataError("covariance", "must be finite and symmetric", field="asymmetry", value=asymmetry)
     blocks = transfer_blocks(state, moved, yaw, n // 3)
     carried = (blocks @ covariance.reshape(n // 3, 3, n)).reshape(n, n)
     carried = (blocks @ carried.T.reshape(n // 3, 3, n)).reshape(n, n)

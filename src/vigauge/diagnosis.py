@@ -22,7 +22,8 @@ from scipy.stats import chi2
 from . import so3
 from .errors import DataError
 from .gauge import orbit_tangent
-from .normal_equations import Index, NormalEquations, ReducedSystem, linearise
+from .layout import Index
+from .normal_equations import NormalEquations, ReducedSystem, linearise
 from .null_space import ROUNDING, NullSpace
 from .problem import Problem
 from .so3 import Array
@@ -296,7 +297,11 @@ class _Findings:
         landmark = 0.0
         if self.reduced.structure.n_landmarks:
             motion = vectors / self.null.scale[:, None]
-            step = np.einsum("kji,kjc->kic", self.reduced.factor, self.reduced.coupling(motion))
+            s = self.equations.structure
+            pull = np.zeros((s.n_landmarks, 3, vectors.shape[1]))
+            pose = motion[s.columns[s.pair_keyframe, :6]]
+            np.add.at(pull, s.pair_landmark, np.einsum("pij,pic->pjc", self.equations.pair, pose))
+            step = self.reduced.factor.swapaxes(1, 2) @ (self.reduced.factor @ pull)
             diagonal = np.diagonal(self.equations.landmark, axis1=1, axis2=2)
             landmark = float(np.sum(diagonal[:, :, None] * step**2))
         parts = dict(zip(("position", "rotation", "velocity"), map(float, squares), strict=True))

@@ -29,9 +29,14 @@ class TrajectoryErrors:
 def align_first_pose(estimate: State, truth: State) -> State:
     """``estimate`` moved by the 4-DoF transformation that joins the first poses (Section IV-C.1).
 
-    The yaw is the twist about z of R_truth R_estimate^T.
+    The yaw is the twist about z of R_truth R_estimate^T. Raises VigaugeError where that is a turn
+    by pi about a level axis, which has no twist.
     """
     q = so3.quaternion(truth.R_WB[0] @ estimate.R_WB[0].T)
+    if np.hypot(q[0], q[3]) < 1e-9:
+        raise VigaugeError(
+            "yaw between estimate and truth is undefined: they differ by pi about a level axis"
+        )
     yaw = 2.0 * float(np.arctan2(q[3], q[0]))
     return estimate.transformed(yaw, truth.p_W[0] - so3.yaw_rotation(yaw) @ estimate.p_W[0])
 
@@ -71,6 +76,35 @@ def trajectory_errors(
 
 def _rms_length(errors: Array) -> float:
     return float(np.sqrt(np.mean(np.einsum("ij,ij->i", errors, errors))))
+
+
+@dataclass(frozen=True)
+class CovarianceDefects:
+    """What a covariance must not have: both near the rounding error where all is well.
+
+    ``asymmetry`` ||A - A^T|| / ||A||; ``negativity`` size of the most negative eigenvalue of the
+    symmetric part with unit diagonal, next to the largest (0 if none is negative).
+    """
+
+    asymmetry: float
+    negativity: float
+
+
+def covariance_defects(covariance: Array) -> CovarianceDefects:
+    """How far a matrix is from symmetric and from positive semi-definite, whatever its units."""
+    norm = float(np.linalg.norm(covariance))
+    diagonal = np.diagonal(covariance)
+    if norm == 0.0 or np.any(diagonal < 0.0):
+        return CovarianceDefects(0.0, 0.0 if norm == 0.0 else 1.0)
+    # Parameters that are held have zero rows.
+    moving = diagonal > 1e-15 * diagonal.max()
+    scale = 1.0 / np.sqrt(diagonal[moving])
+    scaled = covariance[np.ix_(moving, moving)] * scale[:, None] * scale
+    values = np.linalg.eigvalsh(0.5 * (scaled + scaled.T))
+    return CovarianceDefects(
+        asymmetry=float(np.linalg.norm(covariance - covariance.T)) / norm,
+        negativity=max(0.0, -float(values[0] / values[-1])),
+    )
 
 
 def relative_frobenius(A: Array, reference: Array) -> float:

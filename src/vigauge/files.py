@@ -6,6 +6,7 @@ import csv
 import glob
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -29,7 +30,7 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        _remove_leftovers(target)
+        remove_leftovers(target)
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
@@ -50,12 +51,15 @@ def _remove(temporary: Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _remove_leftovers(target: Path) -> None:
-    """Temporary files of this target whose process is no longer there."""
+def remove_leftovers(target: Path) -> None:
+    """Delete temporary files or folders of this target whose process is no longer there."""
     for file in target.parent.glob(f".{glob.escape(target.stem)}.*{glob.escape(target.suffix)}"):
         middle = file.name[len(target.stem) + 2 : len(file.name) - len(target.suffix)]
         if middle.isdigit() and not _runs(int(middle)):
-            file.unlink(missing_ok=True)
+            if file.is_dir():
+                shutil.rmtree(file)
+            else:
+                file.unlink(missing_ok=True)
 
 
 def _runs(process: int) -> bool:

@@ -97,6 +97,13 @@ class State:
         _require_valid(self.p_W, self.R_WB, self.v_W, self.X_W)
         if np.shape(self.dphi_0) != (3,) or not np.all(np.isfinite(self.dphi_0)):
             raise DataError("state", "must be a finite rotation vector", field="dphi_0", value=self.dphi_0)
+        if np.linalg.norm(self.dphi_0) > 2.0 * np.pi - 1e-6:
+            raise DataError(
+                "state",
+                "must be shorter than 2 pi, where Eq. (9) has no derivative",
+                field="dphi_0",
+                value=self.dphi_0,
+            )
         _require_rotations("R_WB0_ref", np.reshape(self.R_WB0_ref, (-1, 3, 3)))
         if np.abs(so3.exp(self.dphi_0) @ self.R_WB0_ref - self.R_WB[0]).max() > 1e-6:
             raise DataError(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from . import so3
-from .normal_equations import motion_columns
+from .layout import motion_columns
 from .problem import Problem
 from .so3 import Array
 from .state import State

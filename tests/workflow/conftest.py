@@ -11,17 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from recovery.kill import make_project
+
 ROOT = Path(__file__).parents[2]
 Run = Callable[..., subprocess.CompletedProcess[str]]
-
-
-def make_project(folder: Path) -> Path:
-    """A copy of what the workflow reads; results start empty."""
-    for name in ("workflow", "config", "src"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "Snakefile", folder)
-    shutil.copytree(ROOT / "data" / "published", folder / "data" / "published")
-    return folder
 
 
 def snakemake(

@@ -5,10 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -209,36 +207,6 @@ def test_missing_sequence_file_is_named(tmp_path: Path) -> None:
     assert done.returncode != 0
     assert "MH_01_easy/mav0/cam0/data.csv" in done.stdout + done.stderr
     assert not (folder / "paper_figures").exists()
-
-
-def test_killed_run_resumes_to_the_same_results(tmp_path: Path, smoke_project: Path) -> None:
-    """A half-written file that survives a kill, or results that depend on the interruption."""
-    folder = make_project(tmp_path / "project")
-    target = "data/solutions/sine_plane/solutions.csv"
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--cores",
-        "2",
-        "--configfile",
-        "config/smoke.yaml",
-        "--",
-        target,
-    ]
-    process = subprocess.Popen(
-        command, cwd=folder, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    deadline = time.monotonic() + 120
-    while not (folder / "data/simulation/sine_plane").exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    subprocess.run(["pkill", "-KILL", "-s", str(process.pid)], check=False)
-    process.wait()
-    assert process.returncode == -signal.SIGKILL
-    snakemake(folder, "--unlock")
-    done = snakemake(folder, "--rerun-incomplete", target)
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert (folder / target).read_bytes() == (smoke_project / target).read_bytes()
 
 
 def test_same_config_gives_the_same_bytes(tmp_path: Path, smoke_project: Path) -> None:

@@ -21,12 +21,17 @@ from vigauge.cli.artefacts import add_prior_weight
 from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run
 from vigauge.covariance import covariance_of, spectrum, transform_covariance
 from vigauge.diagnosis import Diagnosis, diagnose
-from vigauge.evaluation import relative_frobenius
+from vigauge.errors import DegenerateError
+from vigauge.evaluation import covariance_defects, relative_frobenius
 from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge
 from vigauge.levenberg_marquardt import CONVERGED, Status
 from vigauge.normal_equations import linearise
 from vigauge.problem import Problem
 from vigauge.state import State
+
+# Covariances of the archive, and how far from symmetric and positive they may be: rounding errors.
+MATRICES = ("free", "fixed", "prior", "transformed", "transformed_same_point")
+DEFECT_LIMIT = 1e-8
 
 
 def compare_gauges(
@@ -106,6 +111,12 @@ def work(options: argparse.Namespace) -> None:
             LOG.warning("covariance withheld; %s", withheld)
             return
         arrays = compare_gauges(problem, fix, prior, free, options.prior_weight)
+    defects = {name: covariance_defects(np.asarray(arrays[name])) for name in MATRICES}
+    for name, found_defects in defects.items():
+        if max(found_defects.asymmetry, found_defects.negativity) > DEFECT_LIMIT:
+            raise DegenerateError(f"covariance '{name}' is none: {found_defects}")
+    arrays |= {f"asymmetry_{name}": d.asymmetry for name, d in defects.items()}
+    arrays |= {f"negativity_{name}": d.negativity for name, d in defects.items()}
     save_arrays(options.output, {"withheld": np.array(""), **arrays})
     LOG.info("%s", found.sentence)
     LOG.info(

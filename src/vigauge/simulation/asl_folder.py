@@ -17,6 +17,7 @@ import yaml
 from .. import so3
 from ..camera import Camera
 from ..errors import DataError
+from ..files import remove_leftovers
 from ..names import STAND_IN
 from ..so3 import Array
 from .flight import EUROC_BIAS_WALK, EUROC_CAMERA_RATE_HZ, EUROC_IMU_RATE_HZ
@@ -67,6 +68,7 @@ def write_asl_folder(
             folder / "mav0", "must not exist, or be a rendered stand-in: real data are never replaced"
         )
     about.unlink(missing_ok=True)
+    remove_leftovers(folder / "mav0")
     temporary = folder / f".mav0.{os.getpid()}"
     try:
         _write_mav0(sequence, temporary, progress)
