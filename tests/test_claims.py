@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 from support.results import CONFIGURATIONS, SEQUENCES, Change, Results
-from vigauge.claims import CLAIMS, Criteria, Evidence, explanations, ledger, paired_statistics
+from vigauge.claims import CLAIMS, Criteria, Evidence, explanations, ledger, paired_statistics, reasons
+from vigauge.claims.evidence import NoEvidenceError
 from vigauge.claims.statistics import effect_size
 
 CRITERIA = Criteria(
@@ -270,3 +271,35 @@ def test_times_of_runs_that_did_not_converge_enter_no_ratio(tmp_path: Path) -> N
     ratio = evidence(results).time_ratio(["arc_plane"], "free", each=True)
     assert ratio.estimate == pytest.approx(1.02)
     assert ratio.high == pytest.approx(1.02)
+
+
+def test_failed_runs_enter_no_reason_and_are_counted(tmp_path: Path) -> None:
+    """An explanation that averages runs which never arrived."""
+
+    def fail(table: pd.DataFrame) -> pd.DataFrame:
+        bad = (table["gauge"] == "free") & (table["trial"] == 0)
+        return table.assign(
+            converged=~bad,
+            iterations=table["iterations"].mask(bad, 1000),
+            p_rmse_m=table["p_rmse_m"].mask(bad, 1e9),
+        )
+
+    def fail_sweep(table: pd.DataFrame) -> pd.DataFrame:
+        return table.assign(converged=table["weight"] != "1e8")
+
+    good = evidence(Results(tmp_path / "good"))
+    altered = {"damping": fail, "tolerance": fail}
+    bad = evidence(Results(tmp_path / "bad", reasons=altered, sweep=fail_sweep))
+    for why in (reasons.damping, reasons.tolerance):
+        assert "left out" not in why(good)
+        said = why(bad)
+        assert "runs that did not converge left out)" in said
+        assert said.replace(said[said.rindex(" (") :], "") == why(good)
+    assert "1e8" in good.sweep_times.index and "1e8" not in bad.sweep_times.index
+
+
+def test_a_withheld_covariance_explains_nothing(tmp_path: Path) -> None:
+    """A reason made of numbers that are not there."""
+    gone = {"exchange": lambda table: table[table["experiment"] != "sine_plane"]}
+    with pytest.raises(NoEvidenceError, match="the covariance of sine_plane is withheld"):
+        reasons.exchange_simulation(evidence(Results(tmp_path, reasons=gone)))

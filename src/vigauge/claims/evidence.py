@@ -115,9 +115,18 @@ class Evidence:
             raise NoEvidenceError(f"{name}: {arrays['withheld']}")
         return arrays
 
-    def reason(self, table: str) -> pd.DataFrame:
-        """Table of an experiment that explains results."""
-        return pd.read_csv(self.reasons[table], dtype={"weight": str, "label": str, "gauge": str})
+    def reason(self, table: str, *, failed: bool = False) -> pd.DataFrame:
+        """Table of an experiment that explains results, without the runs that did not converge.
+
+        With ``failed`` they are in it: for a claim that is about failures.
+        """
+        rows = pd.read_csv(self.reasons[table], dtype={"weight": str, "label": str, "gauge": str})
+        return rows if failed or "converged" not in rows else rows[rows["converged"]]
+
+    def left_out(self, *tables: str) -> str:
+        """How many runs of explaining experiments did not converge, for the end of a sentence, or nothing."""
+        count = sum(len(self.reason(name, failed=True)) - len(self.reason(name)) for name in tables)
+        return f" ({count} runs that did not converge left out)" if count else ""
 
     @cached_property
     def sweep_table(self) -> pd.DataFrame:
@@ -130,6 +139,7 @@ class Evidence:
 
     @cached_property
     def sweep_times(self) -> pd.Series:
-        """Median seconds by weight, in the order of the sweep."""
+        """Median seconds of the runs that converged by weight, in the order of the sweep."""
         timing = pd.read_csv(self.sweep_timing, dtype={"weight": str})
+        timing = timing_of(timing, self.sweep_table, "weight")
         return timing.groupby("weight", sort=False)["seconds"].median()

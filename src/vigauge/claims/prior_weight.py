@@ -125,7 +125,7 @@ def _zero_weight(e: Evidence) -> Finding:
 
 
 def _unstable(e: Evidence) -> Finding:
-    table = e.reason("weights")
+    table = e.reason("weights", failed=True)
     fix = table[table["gauge"] == "fix"].set_index(["experiment", "trial"])
     large = table[table["gauge"] != "fix"].set_index(["experiment", "trial"])
     ratio = large["cost"] / fix["cost"].reindex(large.index)

@@ -26,7 +26,7 @@ def damping(e: Evidence) -> str:
         f"Levenberg-Marquardt damping: with the first radius at {radius:g} (damping {1 / radius:g} of the "
         f"diagonal) the mean difference of free and fix is {after:+.2f} iterations instead of {before:+.2f}, "
         f"in no configuration more than {largest:.2f}; means: fix {undamped['fix'].mean():.2f}, "
-        f"prior {undamped['prior'].mean():.2f}, free {undamped['free'].mean():.2f}"
+        f"prior {undamped['prior'].mean():.2f}, free {undamped['free'].mean():.2f}{e.left_out('damping', 'tolerance')}"
     )
 
 
@@ -47,6 +47,7 @@ def tolerance(e: Evidence) -> str:
     return (
         "where each run stops: largest relative difference of mean RMSE to fixation at function tolerance "
         + "; ".join(texts)
+        + e.left_out("tolerance")
     )
 
 
@@ -75,7 +76,7 @@ def squared_counts(e: Evidence) -> str:
         f"{label}: {medians[label]:g} / {means.loc[label, 2]:.1f} (unsquared {means.loc[label, 1]:.1f})"
         for label in means.index
     ]
-    return f"{squared_weight(e)}. Iterations, paper / ours at the squared weight: {', '.join(shown)}"
+    return f"{squared_weight(e)}. Iterations, paper / ours at the squared weight: {', '.join(shown)}{e.left_out('squared')}"
 
 
 def plateau(e: Evidence) -> str:
@@ -90,7 +91,7 @@ def plateau(e: Evidence) -> str:
         )
     return (
         "the peak begins where the function tolerance notices the prior and ends where the prior outweighs "
-        f"the damping along the orbit: {'; '.join(parts)}. {squared_counts(e)}"
+        f"the damping along the orbit: {'; '.join(parts)}{e.left_out('plateau')}. {squared_counts(e)}"
     )
 
 
@@ -122,12 +123,16 @@ def prior_digits(e: Evidence) -> str:
         for weight in e.reason("weights")["gauge"].drop_duplicates()
         if weight != "fix"
     ]
-    by_weight = f"largest difference of mean RMSE to fixation by w^P: {', '.join(parts)}"
+    by_weight = (
+        f"largest difference of mean RMSE to fixation by w^P: {', '.join(parts)}{e.left_out('weights')}"
+    )
     return f"{squared_weight(e)}; {by_weight}; {tolerance(e)}"
 
 
 def _exchange(e: Evidence, name: str, figure: str) -> str:
     table = 100 * e.reason("exchange").set_index("experiment")
+    if name not in table.index:
+        raise NoEvidenceError(f"the covariance of {name} is withheld")
     ours, theirs = table.loc[name], table.loc[f"published {figure}"]
     return (
         "one exchanged pair, (3N+1, 3N) and (3N+1, 3N+1), in the published fixed covariance: with it our "
@@ -140,12 +145,11 @@ def _exchange(e: Evidence, name: str, figure: str) -> str:
 
 def exchange_simulation(e: Evidence) -> str:
     """The exchanged pair, in Fig. 9."""
-    shown = (
-        100 * e.reason("exchange").set_index("experiment").loc[list(e.configurations), "with_exchanged_pair"]
-    )
+    table = e.reason("exchange").set_index("experiment")
+    shown = 100 * table.loc[[name for name in e.configurations if name in table.index], "with_exchanged_pair"]
     return (
-        f"{_exchange(e, e.sweep_configuration, 'fig09')}; with the pair exchanged, our six configurations "
-        f"give {shown.min():.2g} to {shown.max():.2g} %"
+        f"{_exchange(e, e.sweep_configuration, 'fig09')}; with the pair exchanged, our {len(shown)} "
+        f"configurations give {shown.min():.2g} to {shown.max():.2g} %"
     )
 
 
