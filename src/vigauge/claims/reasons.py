@@ -26,7 +26,8 @@ def damping(e: Evidence) -> str:
         f"Levenberg-Marquardt damping: with the first radius at {radius:g} (damping {1 / radius:g} of the "
         f"diagonal) the mean difference of free and fix is {after:+.2f} iterations instead of {before:+.2f}, "
         f"in no configuration more than {largest:.2f}; means: fix {undamped['fix'].mean():.2f}, "
-        f"prior {undamped['prior'].mean():.2f}, free {undamped['free'].mean():.2f}{e.left_out('damping', 'tolerance')}"
+        f"prior {undamped['prior'].mean():.2f}, free {undamped['free'].mean():.2f}"
+        f"{e.left_out('damping', 'tolerance')}"
     )
 
 
@@ -76,7 +77,8 @@ def squared_counts(e: Evidence) -> str:
         f"{label}: {medians[label]:g} / {means.loc[label, 2]:.1f} (unsquared {means.loc[label, 1]:.1f})"
         for label in means.index
     ]
-    return f"{squared_weight(e)}. Iterations, paper / ours at the squared weight: {', '.join(shown)}{e.left_out('squared')}"
+    counts = f"{', '.join(shown)}{e.left_out('squared')}"
+    return f"{squared_weight(e)}. Iterations, paper / ours at the squared weight: {counts}"
 
 
 def plateau(e: Evidence) -> str:
@@ -123,9 +125,8 @@ def prior_digits(e: Evidence) -> str:
         for weight in e.reason("weights")["gauge"].drop_duplicates()
         if weight != "fix"
     ]
-    by_weight = (
-        f"largest difference of mean RMSE to fixation by w^P: {', '.join(parts)}{e.left_out('weights')}"
-    )
+    shown = f"{', '.join(parts)}{e.left_out('weights')}"
+    by_weight = f"largest difference of mean RMSE to fixation by w^P: {shown}"
     return f"{squared_weight(e)}; {by_weight}; {tolerance(e)}"
 
 
