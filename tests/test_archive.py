@@ -20,7 +20,7 @@ from vigauge.archive import (
     save_states,
 )
 from vigauge.camera import Camera
-from vigauge.errors import DataError
+from vigauge.errors import DataError, OutputError
 from vigauge.problem import InertialFactors, Problem
 from vigauge.residuals import cost
 from vigauge.state import State
@@ -200,7 +200,7 @@ def test_a_failed_save_leaves_the_old_archive(tmp_path, monkeypatch):
         raise OSError("no space left")
 
     monkeypatch.setattr(np, "savez", full_disk)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(OutputError, match="no space"):
         save_problems(path, problems()[:1])
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["p.npz"]

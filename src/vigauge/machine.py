@@ -50,12 +50,16 @@ def describe_machine() -> dict[str, Any]:
         "processor": processor(),
         "cores": os.cpu_count(),
         "system": platform.platform(),
-        "blas": [
-            {
-                key: info[key]
-                for key in ("internal_api", "version", "architecture", "num_threads")
-                if key in info
-            }
-            for info in threadpool_info()
-        ],
+        # Libraries are found in an order that changes from run to run.
+        "blas": sorted(
+            (
+                {
+                    key: info[key]
+                    for key in ("internal_api", "version", "architecture", "num_threads")
+                    if key in info
+                }
+                for info in threadpool_info()
+            ),
+            key=lambda library: [str(value) for value in library.values()],
+        ),
     }

@@ -110,7 +110,8 @@ def disturbed_run(
 
     Kills that come after the end are none; the run may therefore have fewer.
     """
-    moments = sorted(random.Random(seed).uniform(0.0, span_s) for _ in range(kills))
+    rng = random.Random(seed)
+    moments = sorted(rng.uniform(0.0, span_s) for _ in range(kills))
     # A session starts anew after each kill: it needs its time before it gets anywhere.
     sessions = [moment - before for moment, before in zip(moments, [0.0, *moments], strict=False)]
     records = []
