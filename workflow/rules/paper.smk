@@ -361,6 +361,7 @@ rule claims:
 rule summary:
     input:
         f"{OUT}/table2.csv",
+        f"{OUT}/table2.md",
         f"{OUT}/table3.csv",
         f"{OUT}/table3.md",
         f"{OUT}/{FIGURES['fig07']}.csv",

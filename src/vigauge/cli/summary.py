@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,12 @@ def _rows(
     return rows
 
 
+def _marked(table: str) -> str:
+    """The sentences of a table's note on runs that were left out or are degenerate, where there are any."""
+    found = re.search(r" (?:Left out|Degenerate): .*| Left out, .*", table)
+    return found[0] if found else ""
+
+
 def work(options: argparse.Namespace) -> None:
     figures, published = options.artefacts, options.published
     simulation = list(dict.fromkeys(pd.read_csv(figures / "table2.csv")["configuration"]))
@@ -78,6 +85,7 @@ def work(options: argparse.Namespace) -> None:
     )
     if options.source == "rendered":
         note += f" The two sequences are a {STAND_IN}."
+    note += _marked((figures / "table2.md").read_text(encoding="utf-8"))
     note += "\n\nSequences: " + (figures / "table3.md").read_text(encoding="utf-8").strip().splitlines()[-1]
     # What was measured is long for some; claims.md has it.
     short = claims[["claim", "section", "published", "verdict"]].to_dict("records")
