@@ -25,6 +25,7 @@ FLOORS = (
     "cli",
     "figures",
     PACKAGE,
+    "checks",
     "frontend",
     "euroc",
     "simulation",

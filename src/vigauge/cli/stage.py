@@ -46,10 +46,13 @@ def parser(description: str | None) -> argparse.ArgumentParser:
     return out
 
 
-def run(work: Callable[[argparse.Namespace], None], arguments: argparse.ArgumentParser) -> None:
+def run(
+    work: Callable[[argparse.Namespace], None], arguments: argparse.ArgumentParser, *, defect_status: int = 1
+) -> None:
     """Run a stage: bad input is one line and exit status 2.
 
-    Any other exception is a defect: its traceback goes to the terminal and the log.
+    Any other exception is a defect: its traceback goes to the terminal and the log, and the exit
+    status is ``defect_status``.
     """
     options = arguments.parse_args()
     handlers: list[logging.Handler] = [logging.StreamHandler()]
@@ -65,4 +68,4 @@ def run(work: Callable[[argparse.Namespace], None], arguments: argparse.Argument
         sys.exit(EXIT_BAD_INPUT)
     except Exception:
         LOG.exception("stage failed")
-        sys.exit(1)
+        sys.exit(defect_status)

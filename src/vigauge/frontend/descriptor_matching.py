@@ -111,7 +111,7 @@ class DescriptorMatcher:
             enable_precise_upscale=True,
         )
 
-    def _detect(self, image: Image, camera: int) -> tuple[Array, NDArray[np.float32]]:
+    def detect(self, image: Image, camera: int) -> tuple[Array, NDArray[np.float32]]:
         """Ideal pixels (n, 2) and descriptors (n, 128); one feature a place, whatever its orientations."""
         keypoints, descriptors = self.detector.detectAndCompute(image, None)
         if descriptors is None:
@@ -125,8 +125,8 @@ class DescriptorMatcher:
     def stereo_features(self, left: Image, right: Image) -> _StereoFeatures:
         """Features of one keyframe, matched along epipolar lines and triangulated."""
         geometry = self.geometry
-        uv, descriptors = self._detect(left, LEFT)
-        uv_R, descriptors_R = self._detect(right, RIGHT)
+        uv, descriptors = self.detect(left, LEFT)
+        uv_R, descriptors_R = self.detect(right, RIGHT)
         squared = squared_distances(descriptors, descriptors_R)
         V_left, V_right = geometry.to_rectified(uv, LEFT), geometry.to_rectified(uv_R, RIGHT)
         # In the rectified view the epipolar distance is the difference of the rows.
