@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..camera import Camera
@@ -64,8 +66,11 @@ def check_frozen(frozen_ns: list[int], out: Findings) -> None:
         )
 
 
-def check_stereo(sample: StereoSample, out: Findings) -> None:
-    """Brightness, features, and the stereo calibration against matches made without it."""
+def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings) -> None:
+    """Brightness, features, and the stereo calibration against matches made without it.
+
+    ``explain`` says in words what would make a calibration fit that does not, or nothing.
+    """
     out.fact(
         "images",
         sampled_frames=sample.frames,
@@ -81,7 +86,8 @@ def check_stereo(sample: StereoSample, out: Findings) -> None:
         out.error(
             "images",
             f"images have {sample.features:.0f} features and a contrast of {sample.contrast:.1f} grey "
-            f"levels, {LEAST_FEATURES} and {LEAST_CONTRAST:g} are needed: too dark, too bright, blurred or covered",
+            f"levels, {LEAST_FEATURES} and {LEAST_CONTRAST:g} are needed: too dark, too "
+            "bright, blurred or covered",
         )
         return
     if sample.matches < LEAST_MATCHES:
@@ -96,7 +102,8 @@ def check_stereo(sample: StereoSample, out: Findings) -> None:
         out.error(
             "extrinsics",
             f"matches lie {sample.epipolar_px:.1f} px from their epipolar lines (limit "
-            f"{EPIPOLAR_ERROR_PX:g}): T_BS must take camera to body coordinates (not inverted), and intrinsics belong to these images",
+            f"{EPIPOLAR_ERROR_PX:g}): "
+            + (explain() or "T_BS or the intrinsics are not those of these images"),
         )
     elif sample.epipolar_px > EPIPOLAR_WARNING_PX:
         out.warn(
@@ -168,7 +175,8 @@ def _is_still(turns: Turns, moved_px: np.ndarray, phi_B: np.ndarray, rest: Rest,
         out.error(
             "standing still",
             f"nothing moves: images by {moved:.2f} px, the inertial sensor rests "
-            f"{100 * rest.share:.0f} % of the time. Landmarks get no parallax but that of the stereo pair; no covariance is given",
+            f"{100 * rest.share:.0f} % of the time. Landmarks get no "
+            "parallax but that of the stereo pair; no covariance is given",
         )
     return True
 

@@ -31,7 +31,7 @@ from .stamps import (
 )
 from .truth import check_truth
 from .turning import GyroRotation
-from .vision import ImageSample
+from .vision import Effort, ImageSample, find_frozen
 
 # Inertial samples kept on both sides of the frames, for clocks that differ.
 _MARGIN_NS = 1_000_000_000
@@ -62,6 +62,7 @@ def check_sequence(
     truths: list[str] | None = None,
     window: Window | None = None,
     camera_time_offset_ns: int = 0,
+    effort: Effort | None = None,
 ) -> Findings:
     """Check an ASL folder; bad data become findings, never exceptions.
 
@@ -70,6 +71,7 @@ def check_sequence(
     truths : names of the ground-truth folders to check, which must be there; None: all there are
     window : part of the recording; None: all of it
     camera_time_offset_ns : added to the stamps of frames, as the front-end's setting of that name
+    effort : how many images to look at; None: as many as take some seconds
     """
     folder = Path(folder)
     out = Findings(folder.resolve().name)
@@ -80,7 +82,7 @@ def check_sequence(
     parts = _read_parts(mav, out)
     inertial = _check_stamps(mav, parts, window or Window(), camera_time_offset_ns, out)
     if inertial is not None:
-        _check_contents(folder, mav, parts, *inertial, truths, out)
+        _check_contents(folder, mav, parts, *inertial, truths, effort or Effort(), out)
     return out
 
 
@@ -167,6 +169,7 @@ def _check_contents(
     frames: StereoFrames,
     inside: NDArray[np.int64],
     truths: list[str] | None,
+    effort: Effort,
     out: Findings,
 ) -> None:
     """Images, motion, gravity, truths."""
@@ -178,12 +181,13 @@ def _check_contents(
             out.skip(check, "the calibration could not be read")
     else:
         sequence = Sequence(out.sequence, folder, (left, right), frames, imu, parts.noise)
-        sample = ImageSample(sequence, inside)
-        check_frozen([int(frames.t_ns[k]) for k in sample.frozen()], out)
+        frozen = find_frozen(sequence, inside)
+        check_frozen(frames.t_ns[frozen].tolist(), out)
+        sample = ImageSample(sequence, np.setdiff1d(inside, frozen), effort)
         with one_thread():
             stereo = _try(out, "images", sample.stereo)
             if stereo is not None:
-                check_stereo(stereo, out)
+                check_stereo(stereo, sample.explain_epipolar, out)
             blocked = any(f.check in ("images", "stereo", "extrinsics", "baseline") for f in out.of("error"))
             if blocked:
                 out.skip("camera against gyro", "images or calibration do not allow poses")

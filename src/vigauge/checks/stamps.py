@@ -62,7 +62,8 @@ def check_imu_gaps(t_ns: NDArray[np.int64], first_ns: int, last_ns: int, out: Fi
         out.error(
             "imu gap",
             f"imu0 has {len(wide)} gap(s) of more than {GAP_PERIODS:g} periods; the first follows "
-            f"{t_ns[k]} ns and is {gaps[wide[0]] * 1e-9:.4g} s long: no interval between keyframes may span it, choose a "
+            f"{t_ns[k]} ns and is {gaps[wide[0]] * 1e-9:.4g} s long: no interval between "
+            "keyframes may span it, choose a "
             "window without it",
         )
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .. import so3
 from ..camera import undistort_pixels
 from ..so3 import Array
+from .frames import require_change
 from .pnp import estimate_pose, reprojection_error
 from .settings import DescriptorSettings, PoseSettings, StereoSettings
 from .stereo import Image, StereoGeometry, epipolar_distance
@@ -175,13 +176,19 @@ def track_by_descriptors(
     stereo: StereoSettings,
     pose: PoseSettings,
 ) -> tuple[Tracks, MatchCounts]:
-    """Tracks over stereo keyframes; ``read`` gives the raw image of (frame, camera)."""
+    """Tracks over stereo keyframes; ``read`` gives the raw image of (frame, camera).
+
+    Raises DataError where two successive keyframes are the same to the last bit: the camera was frozen.
+    """
     matcher = DescriptorMatcher(geometry, descriptors, stereo, pose)
     features: list[_StereoFeatures] = []
     matches: list[Index] = []
     offset = [0]
+    before: Image | None = None
     for number, frame in enumerate(keyframes):
-        here = matcher.stereo_features(read(frame, LEFT), read(frame, RIGHT))
+        left = read(frame, LEFT)
+        before = require_change(before, left, frame)
+        here = matcher.stereo_features(left, read(frame, RIGHT))
         for earlier in range(max(number - descriptors.look_back, 0), number):
             pairs = matcher.verified_matches(features[earlier], here)
             matches.append(pairs + np.array([offset[earlier], offset[number]]))
