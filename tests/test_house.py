@@ -25,6 +25,7 @@ FLOORS = (
     "cli",
     "figures",
     PACKAGE,
+    "windows",
     "checks",
     "frontend",
     "euroc",

@@ -213,6 +213,26 @@ def front_end_settings(wildcards):
     return sequence_section(wildcards.sequence, "front_end")
 
 
+def truth_names(wildcards):
+    """Ground-truth folders that a sequence's results rest on."""
+    return sorted({Path(ground_truth_folder(wildcards.sequence, use)).name for use in ("truth", "biases")})
+
+
+def window_flags(front_end):
+    """The part of a recording that a front-end looks at, as flags of its check."""
+    window = {"window_origin_ns": 0, "window_start_s": 0.0, "window_end_s": 1e6} | front_end.get(
+        "keyframes", {}
+    )
+    return (
+        f"--window {window['window_start_s']} {window['window_end_s']} --origin-ns {window['window_origin_ns']}"
+        f" --camera-time-offset-ns {front_end.get('camera_time_offset_ns', 0)}"
+    )
+
+
+def check_window(wildcards):
+    return window_flags(json.loads(front_end_settings(wildcards)))
+
+
 def scene_settings(wildcards):
     return section("rendered", wildcards.scene, "scene")
 
