@@ -79,7 +79,9 @@ def test_front_end_goes_on_over_a_dark_frame(folder: Path, rendered) -> None:
 
 def test_too_many_dark_frames_refuse_the_segment(folder: Path) -> None:
     darken(folder, "cam0", list(range(10, 14)))
-    with pytest.raises(DataError, match=r"at most 3 frames between \d+ and \d+ ns may be skipped \(4 with no"):
+    with pytest.raises(
+        DataError, match=r"at most 3 frames between \d+ and \d+ ns may be skipped \(4 with no"
+    ):
         choose_frames(read_sequence(folder), settings(most_skipped=3))
 
 

@@ -55,7 +55,7 @@ def work(options: argparse.Namespace) -> None:
     if summary:
         about = (
             "Is the optimum (free gauge) nearer to the truth than the start? Windows in pairs; "
-            "a ratio below 1 says yes."
+            "a ratio below 1 says yes. Windows of one recording overlap, which makes p smaller than it is."
         )
         text += ["## Start and optimum", "", markdown(summary, about)]
     text += ["## Not used", "", markdown(refused)] if refused else []
