@@ -53,16 +53,20 @@ def sequence_name(key):
     return f"rendered_{stand_in}"
 
 
-for role, key in config["paper"].items():
-    if key not in config["euroc"]["sequences"]:
-        raise WorkflowError(f"configuration, paper.{role}: must be one of euroc.sequences (found {key!r})")
+# A configuration that is laid over another cannot take keys away, but it can choose.
+USED = config["euroc"].get("only") or list(config["euroc"]["sequences"])
+for role, key in [*(("euroc.only", key) for key in USED), *config["paper"].items()]:
+    known = USED if role in config["paper"] else list(config["euroc"]["sequences"])
+    if key not in known:
+        where = f"paper.{role}" if role in config["paper"] else role
+        raise WorkflowError(f"configuration, {where}: must be one of {', '.join(known)} (found {key!r})")
 unswept = sorted(set(config["figures"]["path_weights"]) - set(config["prior"]["sweep_weights"]))
 if unswept:
     raise WorkflowError(
         f"configuration, figures.path_weights: must be among prior.sweep_weights (found {unswept})"
     )
 
-SEQUENCE_KEYS = {sequence_name(key): key for key in config["euroc"]["sequences"]}
+SEQUENCE_KEYS = {sequence_name(key): key for key in USED}
 SEQUENCES = list(SEQUENCE_KEYS)
 MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
 VICON_ROOM = sequence_name(config["paper"]["vicon_room"])

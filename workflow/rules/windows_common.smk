@@ -1,6 +1,10 @@
 """What the rules of windows need to know about a window."""
 
-WINDOWS = config["windows"][SOURCE_OF_SEQUENCES]
+WINDOWS = {
+    name: entry
+    for name, entry in config["windows"][SOURCE_OF_SEQUENCES].items()
+    if not (EUROC_ROOT and "only" in config["euroc"]) or entry["sequence"] in USED
+}
 for name, entry in WINDOWS.items():
     known = config["euroc"]["sequences"] if EUROC_ROOT else config["rendered"]
     if entry["sequence"] not in known:
@@ -18,9 +22,10 @@ def window_sequence(wildcards):
 
 def window_folder(wildcards):
     entry = WINDOWS[wildcards.window]
-    if EUROC_ROOT and "folder" in entry:
-        return str(Path(EUROC_ROOT) / entry["folder"])
-    return sequence_folder(window_sequence(wildcards))
+    if not EUROC_ROOT:
+        return f"data/rendered/{window_sequence(wildcards)}"
+    folder = entry.get("folder", config["euroc"]["sequences"][entry["sequence"]]["folder"])
+    return str(Path(EUROC_ROOT) / folder)
 
 
 def window_truth(wildcards, purpose):
