@@ -43,7 +43,7 @@ rule check_sequence:
 
 rule front_end:
     input:
-        checked=ancient("data/checks/{sequence}.json"),
+        checked="data/checks/{sequence}.json",
         sequence=sequence_files,
         code=code_of("front_end"),
     output:
