@@ -18,6 +18,7 @@ from vigauge import so3
 from vigauge.checks.findings import Findings
 from vigauge.checks.sequence import Window, check_sequence
 from vigauge.checks.vision import Effort
+from vigauge.euroc.images import read_image
 from vigauge.simulation.rendering import START_NS
 
 # Fewer images than usual: these recordings are short, and what is wrong with them is plain.
@@ -434,3 +435,18 @@ def test_excerpt_before_the_take_off_stands_still(euroc_root: Path) -> None:
         pytest.skip("this root has no V1_01_easy_static")
     found = check_sequence(euroc_root / "V1_01_easy_static")
     assert [f.check for f in found.of("error")] == ["standing still"]
+
+
+def test_images_that_are_read_do_not_grow_with_the_recording(
+    good_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A check that takes as long as the recording."""
+    read: list[Path] = []
+
+    def counting(path: Path, camera: object) -> np.ndarray:
+        read.append(path)
+        return read_image(path, camera)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("vigauge.checks.vision.read_image", counting)
+    check_sequence(good_folder, effort=Effort(stereo_frames=2, turns=3))
+    assert 0 < len(read) <= 2 * 4 + 3 * 3

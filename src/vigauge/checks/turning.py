@@ -28,6 +28,8 @@ LEAST_TURNS = 8
 LEAST_TURN_RAD = 0.01
 # Residuals beyond this many times the median are wrong poses, not noise.
 _OUTLIER_FACTOR = 4.0
+# Search for them: least absolute errors by weights, with a floor below the noise of any pose.
+_COARSE_STEP_S, _REWEIGHTINGS, _FLOOR_RAD = 0.02, 12, 1e-4
 
 
 @dataclass(frozen=True)
@@ -149,10 +151,25 @@ def _fit(gyro: GyroRotation, turns: Turns, offset_s: float, *, free_axes: bool) 
 
 
 def _inliers(gyro: GyroRotation, turns: Turns) -> NDArray[np.bool_]:
-    """(P,) turns whose angle is not far off what the best of all fits expects."""
-    offset, _ = _best_offset(gyro, turns, free_axes=True)
-    error = np.linalg.norm(_fit(gyro, turns, offset, free_axes=True)[2], axis=1)
-    return error <= _OUTLIER_FACTOR * max(float(np.median(error)), 1e-9)
+    """(P,) turns that the best of all fits of least absolute error explains.
+
+    Squares would let a few wrong poses bend the fit until they look right; and the sensor's turns,
+    the ones that may be wrong, are fitted to the gyroscope's, not the other way round. The offsets
+    tried are coarse: one that is off by ten milliseconds still tells a wrong pose from a good one.
+    """
+    dt = (turns.second_ns - turns.first_ns)[:, None] * 1e-9
+    best = np.full(len(turns.phi_S), np.inf)
+    for offset in np.arange(-SEARCH_S, SEARCH_S + _COARSE_STEP_S / 2.0, _COARSE_STEP_S):
+        shift = round(offset * 1e9)
+        phi_B = gyro.turned(turns.first_ns + shift, turns.second_ns + shift)
+        design, error = np.hstack([phi_B, dt]), np.ones(len(turns.phi_S))
+        for _ in range(_REWEIGHTINGS):
+            weight = 1.0 / np.sqrt(np.maximum(error, _FLOOR_RAD))[:, None]
+            solution = np.linalg.lstsq(weight * design, weight * turns.phi_S, rcond=None)[0]
+            error = np.linalg.norm(turns.phi_S - design @ solution, axis=1)
+        if np.sum(error) < np.sum(best):
+            best = error
+    return best <= _OUTLIER_FACTOR * max(float(np.median(best)), _FLOOR_RAD)
 
 
 def _best_offset(gyro: GyroRotation, turns: Turns, *, free_axes: bool) -> tuple[float, float]:
