@@ -17,6 +17,8 @@ include: "workflow/rules/covariance.smk"
 include: "workflow/rules/reasons.smk"
 include: "workflow/rules/sensitivity.smk"
 include: "workflow/rules/paper.smk"
+include: "workflow/rules/windows_common.smk"
+include: "workflow/rules/windows.smk"
 
 
 localrules:

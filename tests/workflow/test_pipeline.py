@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -162,6 +163,43 @@ def test_sensitivity_is_swept_only_when_asked_for(smoke_project: Path) -> None:
         "sensitivity_setting",
         "sensitivity_summary",
     }
+
+
+def test_windows_are_made_only_when_asked_for_and_whole(scratch_project: Path) -> None:
+    """Windows in a default run, or a window without start, optimum and distances."""
+    done = snakemake(scratch_project, "--dry-run", "--forceall")
+    assert not {"window", "windows_table"} & planned_rules(done.stdout + done.stderr)
+    done = snakemake(scratch_project, "windows")
+    assert done.returncode == 0, done.stderr[-3000:]
+    found = rows(scratch_project / "paper_figures" / "windows.csv")
+    assert {row["window"] for row in found} == {"hall_begin", "hall_end", "room_begin"}
+    for row in found:
+        assert row["source"] == "rendered" and row["stopped_at"] == "", row["why"]
+        assert float(row["relative_frobenius_same_point"]) < 1e-9
+        assert float(row["p_rmse_m"]) > 0 and float(row["start_p_rmse_m"]) > 0
+    assert "not EuRoC" in (scratch_project / "paper_figures" / "windows.md").read_text("utf-8")
+    assert rows(scratch_project / "paper_figures" / "windows_summary.csv")
+
+
+def test_unusable_sequence_stops_before_the_front_end(smoke_project: Path, tmp_path: Path) -> None:
+    """A solve of a recording whose check had errors; a message that names no file and no rule."""
+    folder = make_project(tmp_path / "project")
+    for name in ("MH_01_easy", "V1_01_easy"):
+        shutil.copytree(smoke_project / "data/rendered/rendered_hall", tmp_path / "euroc" / name)
+        path = tmp_path / "euroc" / name / "mav0/imu0/data.csv"
+        head, *lines = path.read_text("utf-8").splitlines()
+        in_g = [
+            ",".join([*row[:4], *(repr(float(x) / 9.81) for x in row[4:])])
+            for row in (line.split(",") for line in lines)
+        ]
+        path.write_text("\n".join([head, *in_g]) + "\n", "utf-8")
+    target = "data/sequences/MH_01_easy/problem.npz"
+    done = snakemake(folder, target, EUROC_ROOT=str(tmp_path / "euroc"))
+    assert done.returncode != 0
+    assert "MH_01_easy/mav0/imu0/data.csv, a: specific force must be in m/s^2" in done.stdout + done.stderr
+    assert "unusable" in (folder / "logs/check/MH_01_easy.log").read_text("utf-8")
+    assert not (folder / "data/checks/MH_01_easy.json").exists()
+    assert not (folder / "logs/front_end").exists()
 
 
 def test_ledger_comes_with_reasons_and_statistics(smoke_project: Path) -> None:

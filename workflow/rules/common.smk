@@ -53,16 +53,20 @@ def sequence_name(key):
     return f"rendered_{stand_in}"
 
 
-for role, key in config["paper"].items():
-    if key not in config["euroc"]["sequences"]:
-        raise WorkflowError(f"configuration, paper.{role}: must be one of euroc.sequences (found {key!r})")
+# A configuration that is laid over another cannot take keys away, but it can choose.
+USED = config["euroc"].get("only") or list(config["euroc"]["sequences"])
+for role, key in [*(("euroc.only", key) for key in USED), *config["paper"].items()]:
+    known = USED if role in config["paper"] else list(config["euroc"]["sequences"])
+    if key not in known:
+        where = f"paper.{role}" if role in config["paper"] else role
+        raise WorkflowError(f"configuration, {where}: must be one of {', '.join(known)} (found {key!r})")
 unswept = sorted(set(config["figures"]["path_weights"]) - set(config["prior"]["sweep_weights"]))
 if unswept:
     raise WorkflowError(
         f"configuration, figures.path_weights: must be among prior.sweep_weights (found {unswept})"
     )
 
-SEQUENCE_KEYS = {sequence_name(key): key for key in config["euroc"]["sequences"]}
+SEQUENCE_KEYS = {sequence_name(key): key for key in USED}
 SEQUENCES = list(SEQUENCE_KEYS)
 MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
 VICON_ROOM = sequence_name(config["paper"]["vicon_room"])
@@ -217,6 +221,26 @@ def front_end_biases(wildcards):
 def front_end_settings(wildcards):
     """Settings of a sequence's front-end, as JSON."""
     return sequence_section(wildcards.sequence, "front_end")
+
+
+def truth_names(wildcards):
+    """Ground-truth folders that a sequence's results rest on."""
+    return sorted({Path(ground_truth_folder(wildcards.sequence, use)).name for use in ("truth", "biases")})
+
+
+def window_flags(front_end):
+    """The part of a recording that a front-end looks at, as flags of its check."""
+    window = {"window_origin_ns": 0, "window_start_s": 0.0, "window_end_s": 1e6} | front_end.get(
+        "keyframes", {}
+    )
+    return (
+        f"--window {window['window_start_s']} {window['window_end_s']} --origin-ns {window['window_origin_ns']}"
+        f" --camera-time-offset-ns {front_end.get('camera_time_offset_ns', 0)}"
+    )
+
+
+def check_window(wildcards):
+    return window_flags(json.loads(front_end_settings(wildcards)))
 
 
 def scene_settings(wildcards):

@@ -21,8 +21,30 @@ rule render:
         " --settings {params.settings:q} --stamp {output.stamp:q} --log {log:q}"
 
 
+rule check_sequence:
+    input:
+        sequence=sequence_files,
+        code=code_of("check_sequence"),
+    output:
+        "data/checks/{sequence}.json",
+    log:
+        "logs/check/{sequence}.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        folder=front_end_folder,
+        truths=truth_names,
+        window=check_window,
+    message:
+        "Checking {wildcards.sequence}"
+    shell:
+        "python -m vigauge.cli.check_sequence {params.folder:q} --truth {params.truths:q} {params.window}"
+        " --accept-warnings --output {output:q} --log {log:q}"
+
+
 rule front_end:
     input:
+        checked="data/checks/{sequence}.json",
         sequence=sequence_files,
         stamps=stamps_of_sequence,
         code=code_of("front_end"),

@@ -8,26 +8,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from vigauge.archive import save_problems, save_states
 from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run
-from vigauge.errors import DataError
-from vigauge.euroc.ground_truth import GroundTruth, read_ground_truth
+from vigauge.euroc.ground_truth import read_ground_truth
 from vigauge.euroc.sequence import read_sequence
 from vigauge.files import write_json
 from vigauge.frontend.build import build_problem
 from vigauge.frontend.settings import FrontEndSettings
-from vigauge.state import State
-
-
-def truth_at(truth: GroundTruth, t_ns: NDArray[np.int64], folder: Path) -> State:
-    """True motion at the keyframes, without landmarks; DataError where it has no velocities."""
-    if truth.v_W is None:
-        raise DataError(folder / "data.csv", "ground truth for evaluation must have velocities (17 columns)")
-    nearest = truth.nearest(t_ns)
-    return State.start(truth.p_W[nearest], truth.R_WB[nearest], truth.v_W[nearest], np.zeros((0, 3)))
 
 
 def work(options: argparse.Namespace) -> None:
@@ -36,7 +23,7 @@ def work(options: argparse.Namespace) -> None:
     biases = read_ground_truth(options.biases)
     truth = biases if options.truth == options.biases else read_ground_truth(options.truth)
     problem, t_ns, report = build_problem(sequence, biases, settings, progress=True)
-    save_states(options.truth_output, [truth_at(truth, t_ns, options.truth)])
+    save_states(options.truth_output, [truth.states_at(t_ns)])
     save_problems(options.output, [problem])
     details = report.to_mapping()
     write_json(options.report, details | {"truth": options.truth.name, "biases": options.biases.name})

@@ -148,12 +148,14 @@ def run(
     work: Callable[[argparse.Namespace], None],
     arguments: argparse.ArgumentParser,
     stamped: Stamped | None = None,
+    *,
+    defect_status: int = 1,
 ) -> None:
     """Run a stage: bad input and results that cannot be written are one line and exit status 2.
 
     Results that ``--stamps`` names are refused where they do not belong together; with
     ``stamped``, ``--stamp`` writes the stamp of what this stage made. Any other exception is a
-    defect: its traceback goes to the terminal and the log.
+    defect: its traceback goes to the terminal and the log, and the exit status is ``defect_status``.
     """
     if stamped is not None:
         arguments.add_argument("--stamp", type=Path, help="output: what the results were made from")
@@ -173,9 +175,9 @@ def run(
     except OSError as error:
         if error.errno not in _REFUSED:
             LOG.exception("stage failed")
-            sys.exit(1)
+            sys.exit(defect_status)
         LOG.error("error: %s: cannot be written: %s", error.filename or "output", error.strerror)
         sys.exit(EXIT_BAD_INPUT)
     except Exception:
         LOG.exception("stage failed")
-        sys.exit(1)
+        sys.exit(defect_status)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import so3
 from ..errors import DataError
 from ..so3 import Array
+from ..state import State
 from .nearest import nearest_index
 from .tables import read_table
 
@@ -56,6 +57,13 @@ class GroundTruth:
                 value=int(np.ravel(t_ns)[k]),
             )
         return index
+
+    def states_at(self, t_ns: NDArray[np.int64]) -> State:
+        """True motion at keyframe stamps (N,), without landmarks; DataError where it has no velocities."""
+        if self.v_W is None:
+            raise DataError(self.source, "ground truth for evaluation must have velocities (17 columns)")
+        row = self.nearest(t_ns)
+        return State.start(self.p_W[row], self.R_WB[row], self.v_W[row], np.zeros((0, 3)))
 
 
 def read_ground_truth(folder: Path) -> GroundTruth:

@@ -32,13 +32,18 @@ class StereoFrames:
     ----------
     t_ns : (F,) int64 stamps of the left camera, strictly increasing
     left, right : F paths each
-    n_dropped : left frames without a right one, which are not in the lists
+    dropped_ns : (D,) int64 stamps of left frames without a right one, which are not in the lists
     """
 
     t_ns: NDArray[np.int64]
     left: tuple[Path, ...]
     right: tuple[Path, ...]
-    n_dropped: int
+    dropped_ns: NDArray[np.int64]
+
+    @property
+    def n_dropped(self) -> int:
+        """Number of left frames without a right one."""
+        return len(self.dropped_ns)
 
 
 @dataclass(frozen=True)
@@ -82,19 +87,20 @@ def read_sequence(folder: Path) -> Sequence:
     if baseline < _LEAST_BASELINE_M:
         rule = "the two cameras must be apart"
         raise DataError(mav / "cam1" / "sensor.yaml", rule, field="T_BS", value=f"{baseline} m")
-    imu, n_repeated = _read_imu(mav / "imu0" / "data.csv")
+    imu, n_repeated = read_imu(mav / "imu0" / "data.csv")
     return Sequence(
         name=folder.resolve().name,
         folder=folder,
         cameras=cameras,
-        frames=_read_frames(mav),
+        frames=read_frames(mav),
         imu=imu,
         imu_noise=read_imu_noise(mav / "imu0" / "sensor.yaml"),
         n_repeated_imu=n_repeated,
     )
 
 
-def _read_frames(mav: Path) -> StereoFrames:
+def read_frames(mav: Path) -> StereoFrames:
+    """Stereo frames of ``mav0``; images are checked for existence, not opened. DataError as above."""
     left = read_table(mav / "cam0" / "data.csv", (2,))
     right = read_table(mav / "cam1" / "data.csv", (2,))
     partner, distance = nearest_index(right.t_ns, left.t_ns)
@@ -107,7 +113,7 @@ def _read_frames(mav: Path) -> StereoFrames:
         t_ns=left.t_ns[paired],
         left=tuple(_image_path(left, int(k)) for k in paired),
         right=tuple(_image_path(right, int(k)) for k in partner[paired]),
-        n_dropped=len(left.t_ns) - len(paired),
+        dropped_ns=left.t_ns[distance > _STEREO_TOLERANCE_NS],
     )
 
 
@@ -125,7 +131,8 @@ def _image_path(table: Table, k: int) -> Path:
     return path
 
 
-def _read_imu(path: Path) -> tuple[ImuSamples, int]:
+def read_imu(path: Path) -> tuple[ImuSamples, int]:
+    """Inertial samples, and how many identical repeated rows were left out. DataError as above."""
     table = read_table(path, (7,), drop_repeated=True)
     for k, wrong in ((1, ("a",)), (4, ("w", "g"))):
         name = table.columns[k] if k < len(table.columns) else ""

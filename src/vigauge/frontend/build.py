@@ -25,9 +25,9 @@ from ..problem import InertialFactors, Problem
 from ..so3 import Array
 from ..state import State
 from .descriptor_matching import MatchCounts, track_by_descriptors
+from .frames import choose_frames
 from .inertial import KnownBiases, check_gaps, inertial_factors, preintegrate_between
 from .initialisation import Alignment, align_with_gravity
-from .keyframes import select_keyframes
 from .mapping import Map, pose_keyframes
 from .opencv import one_thread
 from .optical_flow import FlowCounts, track_by_flow
@@ -73,7 +73,7 @@ def build_problem(
     VigaugeError
         where alignment or the outlier rounds fail.
     """
-    keyframes = select_keyframes(sequence.frames.t_ns, settings.keyframes)
+    sequence, keyframes, skipped = choose_frames(sequence, settings)
     t_ns = sequence.frames.t_ns[keyframes]
     check_gaps(sequence.imu, int(t_ns[0]), int(t_ns[-1]), settings.largest_imu_gap_s)
     known = KnownBiases(biases, settings.biases, int(t_ns[0]))
@@ -94,7 +94,18 @@ def build_problem(
     problem = _problem(sequence.cameras, start, clean, final, factors, settings.gravity_mps2)
     window = keyframes[-1] - keyframes[0] + 1
     report = _report(
-        sequence, settings, int(window), tracks, counts, mapped, alignment, first, candidate, inliers, problem
+        sequence,
+        settings,
+        int(window),
+        tracks,
+        counts,
+        mapped,
+        alignment,
+        first,
+        candidate,
+        inliers,
+        problem,
+        skipped,
     )
     return problem, t_ns, report
 
@@ -181,6 +192,7 @@ def _report(
     candidate: Problem,
     inliers: Inliers,
     problem: Problem,
+    skipped: dict[str, int],
 ) -> FrontEndReport:
     rejected = first.rejected()
     return FrontEndReport(
@@ -210,4 +222,5 @@ def _report(
         alignment_rms_position_m=alignment.rms_position_m,
         alignment_rms_velocity_mps=alignment.rms_velocity_mps,
         image_pairs_without_right=sequence.frames.n_dropped,
+        frames_skipped=skipped,
     )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .. import so3
 from ..camera import undistort_pixels
 from ..so3 import Array
+from .frames import require_change
 from .pnp import estimate_pose, reprojection_error
 from .settings import DescriptorSettings, PoseSettings, StereoSettings
 from .stereo import Image, StereoGeometry, epipolar_distance
@@ -111,7 +112,7 @@ class DescriptorMatcher:
             enable_precise_upscale=True,
         )
 
-    def _detect(self, image: Image, camera: int) -> tuple[Array, NDArray[np.float32]]:
+    def detect(self, image: Image, camera: int) -> tuple[Array, NDArray[np.float32]]:
         """Ideal pixels (n, 2) and descriptors (n, 128); one feature a place, whatever its orientations."""
         keypoints, descriptors = self.detector.detectAndCompute(image, None)
         if descriptors is None:
@@ -125,8 +126,8 @@ class DescriptorMatcher:
     def stereo_features(self, left: Image, right: Image) -> _StereoFeatures:
         """Features of one keyframe, matched along epipolar lines and triangulated."""
         geometry = self.geometry
-        uv, descriptors = self._detect(left, LEFT)
-        uv_R, descriptors_R = self._detect(right, RIGHT)
+        uv, descriptors = self.detect(left, LEFT)
+        uv_R, descriptors_R = self.detect(right, RIGHT)
         squared = squared_distances(descriptors, descriptors_R)
         V_left, V_right = geometry.to_rectified(uv, LEFT), geometry.to_rectified(uv_R, RIGHT)
         # In the rectified view the epipolar distance is the difference of the rows.
@@ -175,13 +176,19 @@ def track_by_descriptors(
     stereo: StereoSettings,
     pose: PoseSettings,
 ) -> tuple[Tracks, MatchCounts]:
-    """Tracks over stereo keyframes; ``read`` gives the raw image of (frame, camera)."""
+    """Tracks over stereo keyframes; ``read`` gives the raw image of (frame, camera).
+
+    Raises DataError where two successive keyframes are the same to the last bit: the camera was frozen.
+    """
     matcher = DescriptorMatcher(geometry, descriptors, stereo, pose)
     features: list[_StereoFeatures] = []
     matches: list[Index] = []
     offset = [0]
+    before: Image | None = None
     for number, frame in enumerate(keyframes):
-        here = matcher.stereo_features(read(frame, LEFT), read(frame, RIGHT))
+        left = read(frame, LEFT)
+        before = require_change(before, left, frame)
+        here = matcher.stereo_features(left, read(frame, RIGHT))
         for earlier in range(max(number - descriptors.look_back, 0), number):
             pairs = matcher.verified_matches(features[earlier], here)
             matches.append(pairs + np.array([offset[earlier], offset[number]]))

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera, distort_pixels, undistort_pixels
-from ..errors import DataError
 from ..so3 import Array
+from .frames import require_change
 from .settings import FlowSettings, StereoSettings
 from .stereo import Image, StereoGeometry, raw_pixels, search_disparity
 from .tracks import LEFT, RIGHT, Tracks, concatenate, image_observations
@@ -224,11 +224,7 @@ def track_by_flow(
     before: Image | None = None
     for step, frame in enumerate(frames):
         image = read(frame, LEFT)
-        if before is not None and np.array_equal(before, image):
-            raise DataError(
-                "frames", "successive images must differ (frozen camera)", row=frame, field="cam0"
-            )
-        before = image
+        before = require_change(before, image, frame)
         tracker.advance(tracker.equalised(image), dR_B[step - 1] if step else np.eye(3))
         if frame in number:
             tracker.keyframe(number[frame], tracker.equalised(read(frame, RIGHT)))

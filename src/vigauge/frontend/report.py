@@ -30,7 +30,8 @@ class FrontEndReport:
         problem, at its start and at the solution of the last outlier round
     free_gravity_mps2 : length of gravity where the alignment does not force it
     alignment_rms_position_m, alignment_rms_velocity_mps : what the alignment leaves over
-    image_pairs_without_right : left frames without a right one
+    image_pairs_without_right : left frames without a right one, in the whole recording
+    frames_skipped : frames of the window that were left out, by reason
     """
 
     sequence: str
@@ -59,6 +60,7 @@ class FrontEndReport:
     alignment_rms_position_m: float
     alignment_rms_velocity_mps: float
     image_pairs_without_right: int
+    frames_skipped: dict[str, int]
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain numbers, lists and dictionaries."""

@@ -50,6 +50,12 @@ class KeyframeSettings:
         "keyframes", "number of keyframes, spread evenly in time; 0: use spacing_s", 0, 10_000, 30
     )
     spacing_s: float = _real("s", "least time between keyframes; used where count is 0", 0.0, 60.0, 0.0)
+    least_contrast: float = _real(
+        "grey levels", "least deviation of the pixels of a frame; below, it is skipped", 0.0, 128.0, 8.0
+    )
+    most_skipped: int = _count(
+        "frames", "frames of the window that may be skipped: no right image, or no contrast", 0, 10_000, 5
+    )
 
 
 @dataclass(frozen=True)
@@ -133,6 +139,9 @@ class FrontEndSettings:
         "per_interval",
     )
     gravity_mps2: float = _real("m/s^2", "magnitude of gravity", 9.7, 9.9, 9.81)
+    camera_time_offset_ns: int = _count(
+        "ns", "added to the stamps of frames to get the clock of the inertial sensor", -(10**9), 10**9, 0
+    )
     largest_imu_gap_s: float = _real("s", "largest gap between inertial samples", 1e-4, 1.0, 0.02)
     keyframes: KeyframeSettings = _group(KeyframeSettings)
     optical_flow: FlowSettings = _group(FlowSettings)

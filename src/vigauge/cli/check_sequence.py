@@ -1,0 +1,68 @@
+"""Check an ASL folder before anything is solved: what it is, and what is wrong with it.
+
+Exit status: 0 nothing wrong found, 1 warnings, 2 errors: unusable as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from vigauge.checks.sequence import Window, check_sequence
+from vigauge.cli.stage import LOG, parser, run
+from vigauge.files import write_json
+
+# sysexits.h: a defect of this program, which must not look like a warning about the data.
+_EXIT_DEFECT = 70
+
+
+def work(options: argparse.Namespace) -> None:
+    window = Window(options.origin_ns, *options.window)
+    found = check_sequence(options.folder, options.truth, window, options.camera_time_offset_ns)
+    report = found.to_mapping()
+    if options.json:
+        print(json.dumps(report, indent=2, sort_keys=True, allow_nan=False))
+    elif not options.output:
+        print("\n".join(found.lines()))
+    if options.output:
+        # The log must tell why a rule stopped: its output is not kept then.
+        LOG.info("%s", "\n".join(found.lines()))
+    status = found.exit_status
+    if options.output and status < 2:
+        write_json(options.output, report)
+    if status == 2 or (status == 1 and not options.accept_warnings):
+        sys.exit(status)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("folder", type=Path, help="folder with mav0/ in it")
+    arguments.add_argument(
+        "--truth", nargs="*", metavar="NAME", help="ground-truth folders below mav0 to check; default: all"
+    )
+    arguments.add_argument(
+        "--window",
+        type=float,
+        nargs=2,
+        default=(0.0, float("inf")),
+        metavar=("START", "END"),
+        help="seconds to look at; default: all",
+    )
+    arguments.add_argument(
+        "--origin-ns", type=int, default=0, help="stamp that the window counts from; default: the first frame"
+    )
+    arguments.add_argument(
+        "--camera-time-offset-ns", type=int, default=0, help="added to the stamps of frames"
+    )
+    arguments.add_argument("--json", action="store_true", help="print JSON instead of text")
+    arguments.add_argument("--output", type=Path, help="file that gets the JSON as well, unless unusable")
+    arguments.add_argument(
+        "--accept-warnings", action="store_true", help="exit status 0 where there are warnings only"
+    )
+    run(work, arguments, defect_status=_EXIT_DEFECT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""Turn a rosbag (ROS 1 or 2) and Kalibr's calibration into an ASL folder.
+
+Needs the package rosbags, which reads bags without ROS: pip install rosbags.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from vigauge.cli.stage import LOG, parser, run
+from vigauge.euroc.rosbag import Topics, import_rosbag
+
+
+def work(options: argparse.Namespace) -> None:
+    topics = Topics(options.left, options.right, options.imu, options.truth)
+    counts = import_rosbag(
+        options.bag,
+        topics,
+        options.camchain,
+        options.imu_yaml,
+        options.output,
+        np.array(options.gyro_bias),
+        np.array(options.accel_bias),
+    )
+    LOG.info("%s: %s", options.output, ", ".join(f"{n} of {topic}" for topic, n in counts.items()))
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--bag", type=Path, required=True, help="file of ROS 1, folder of ROS 2")
+    arguments.add_argument("--left", default="/cam0/image_raw", help="topic of the left image")
+    arguments.add_argument("--right", default="/cam1/image_raw", help="topic of the right image")
+    arguments.add_argument("--imu", default="/imu0", help="topic of the inertial sensor")
+    arguments.add_argument("--truth", help="topic of true poses of the body")
+    arguments.add_argument("--camchain", type=Path, required=True, help="Kalibr's camchain-imucam.yaml")
+    arguments.add_argument("--imu-yaml", type=Path, required=True, help="Kalibr's imu.yaml")
+    for name, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
+        arguments.add_argument(
+            f"--{name}-bias",
+            type=float,
+            nargs=3,
+            default=(0.0, 0.0, 0.0),
+            metavar=("X", "Y", "Z"),
+            help=f"known bias, {unit}; written beside the truth",
+        )
+    arguments.add_argument("--output", type=Path, required=True, help="folder that gets mav0/")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()
