@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import reprlib
 from os import PathLike
 from typing import Any
+
+# What was found is quoted, not copied: a hostile value may be of any size.
+_QUOTE = reprlib.Repr()
+_QUOTE.maxlevel = 4
+_QUOTE.maxlist = _QUOTE.maxtuple = _QUOTE.maxdict = _QUOTE.maxset = 16
+_QUOTE.maxstring = _QUOTE.maxother = 200
 
 
 class VigaugeError(Exception):
@@ -41,7 +48,7 @@ class DataError(VigaugeError):
             where += f", row {row}"
         if field is not None:
             where += f", {field}"
-        found = "" if value is None else f" (found {value!r})"
+        found = "" if value is None else f" (found {_QUOTE.repr(value)})"
         super().__init__(f"{where}: {rule}{found}")
 
     def __reduce__(self) -> tuple[Any, ...]:

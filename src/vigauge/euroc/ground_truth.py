@@ -58,13 +58,14 @@ class GroundTruth:
         return index
 
 
-def read_ground_truth(folder: Path) -> GroundTruth:
+def read_ground_truth(folder: Path, *, sort: bool = False) -> GroundTruth:
     """Read ``data.csv`` of a ``state_groundtruth_*`` folder.
 
     Columns: stamp, position, quaternion (w first); with 17 columns also velocity,
-    gyroscope bias, accelerometer bias.
+    gyroscope bias, accelerometer bias. ``sort`` puts rows in order of time; without it,
+    rows out of order are an error.
     """
-    table = read_table(Path(folder) / "data.csv", (_POSE_COLUMNS, _STATE_COLUMNS))
+    table = read_table(Path(folder) / "data.csv", (_POSE_COLUMNS, _STATE_COLUMNS), sort=sort)
     _require_w_first(table.path, table.columns)
     values = table.numbers()
     quaternion = values[:, 3:7]
