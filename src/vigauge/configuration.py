@@ -79,8 +79,13 @@ def check_config(config: Mapping[str, Any], schema: Path, file: str) -> None:
 
     Raises ConfigError with the key, the value and the rule it breaks, unit included.
     """
+    check_with(load_validator(schema), config, file)
+
+
+def check_with(validator: Draft202012Validator, config: Mapping[str, Any], file: str) -> None:
+    """:func:`check_config` by a validator that is there already."""
     _require_plain(config, file)
-    error = best_match(load_validator(schema).iter_errors(config))
+    error = best_match(validator.iter_errors(config))
     if error is not None:
         rule, value = _rule(error)
         raise ConfigError(file, rule, field=_key(error), value=value)

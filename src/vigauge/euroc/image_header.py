@@ -1,6 +1,6 @@
 """What an image file says of itself before anything is decoded.
 
-A decoder reserves memory for the size that a header names, however small the file is.
+A decoder reserves memory for the sizes that headers name, however small the file is.
 """
 
 from __future__ import annotations
@@ -23,8 +23,24 @@ def declared_size(data: bytes) -> tuple[int, int] | None:
 
 
 def is_cut_short(data: bytes) -> bool:
-    """Whether the end is missing: a JPEG decoder fills it with grey and says nothing."""
-    return data.startswith(_JPEG_START) and not data.rstrip(b"\x00").endswith(_JPEG_END)
+    """Whether the end of a PNG or JPEG file is missing, or a chunk of a PNG is longer than the file.
+
+    A JPEG decoder fills what is missing with grey and says nothing.
+    """
+    if data.startswith(_PNG_START):
+        return not _png_ends(data)
+    return not data.rstrip(b"\x00").endswith(_JPEG_END)
+
+
+def _png_ends(data: bytes) -> bool:
+    """Whether chunk after chunk leads to the end chunk."""
+    at = len(_PNG_START)
+    while at + 12 <= len(data):
+        length, name = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        at += 12 + length
+        if name == b"IEND":
+            return at <= len(data)
+    return False
 
 
 def _png_size(data: bytes) -> tuple[int, int] | None:

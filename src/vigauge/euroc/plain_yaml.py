@@ -16,6 +16,7 @@ from ..errors import DataError
 # A sensor.yaml has about 1 kB and four levels.
 _LARGEST_BYTES = 100_000
 _DEEPEST = 20
+_LARGEST_INTEGER = 2**63
 
 
 class _PlainLoader(yaml.SafeLoader):
@@ -36,7 +37,14 @@ class _PlainLoader(yaml.SafeLoader):
         self.depth -= 1
         return node
 
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        number = super().construct_yaml_int(node)
+        if abs(number) >= _LARGEST_INTEGER:
+            raise yaml.YAMLError("whole numbers must have at most 64 bits")
+        return number
 
+
+_PlainLoader.add_constructor("tag:yaml.org,2002:int", _PlainLoader.construct_yaml_int)
 # Dates stay text: YAML 1.1 also takes those that no calendar has.
 _PlainLoader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:timestamp"]
