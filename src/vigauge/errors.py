@@ -78,6 +78,10 @@ class ConfigError(DataError):
     """A configuration key that is missing, unknown or out of range."""
 
 
+class FetchError(DataError):
+    """A file that a host did not give, or not whole, or another one than it should be."""
+
+
 class SolverError(VigaugeError):
     """The optimiser could not go on (non-finite cost, singular system)."""
 

@@ -62,6 +62,11 @@ if unswept:
         f"configuration, figures.path_weights: must be among prior.sweep_weights (found {unswept})"
     )
 
+# Folders below the root, which are also the names in data/euroc_sources.csv.
+FETCHED = sorted({entry["folder"] for entry in config["euroc"]["sequences"].values()})
+DOWNLOAD = config["euroc"]["download"]
+EUROC_SOURCES = "data/euroc_sources.csv"
+
 SEQUENCE_KEYS = {sequence_name(key): key for key in config["euroc"]["sequences"]}
 SEQUENCES = list(SEQUENCE_KEYS)
 MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
@@ -112,6 +117,7 @@ wildcard_constraints:
     configuration="|".join(CONFIGURATIONS),
     sequence="|".join(re.escape(name) for name in SEQUENCES),
     scene="hall|room",
+    fetched="|".join(re.escape(name) for name in FETCHED),
     parameter="|".join(config["sensitivity"]["values"]),
     value="[0-9.e-]+",
 
