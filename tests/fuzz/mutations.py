@@ -174,3 +174,41 @@ def spoil_npz(rng: Random, data: bytes) -> bytes:
         for name, body in dict(members).items():
             archive.writestr(name, body)
     return stream.getvalue()
+
+
+def zip_of(members: list[tuple[str, bytes]]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, body in members:
+            archive.writestr(name, body)
+    return stream.getvalue()
+
+
+ZIP_NAMES = [
+    "../x", "/x", "mav0/../../x", "mav0/a/b", "mav0/a", "mav0", "mav0/", "C:\\x", "mav0\\..\\x", "mav0/\u0000x", "",
+    "mav0/" + "x" * 300, "mav0/" + "x/" * 500, "XX/mav0/a", "MAV0/A", "mav0/.", "mav0//a", "mav0/con", "mav0/\ud83d\ude00",
+]  # fmt: skip
+
+
+def spoil_zip(rng: Random, data: bytes) -> bytes:
+    """Members of a zip renamed, doubled, turned into links, or of another declared size."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = [(name, archive.read(name)) for name in archive.namelist()]
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, body in members * rng.choice((1, 1, 1, 2)):
+            if rng.random() < 0.4:
+                name = (
+                    rng.choice(ZIP_NAMES).encode("utf-8", "surrogatepass").decode("utf-8", "replace") or "x"
+                )
+            info = zipfile.ZipInfo("x")
+            info.filename = name
+            info.compress_type = rng.choice((0, 8, 8, 8, 12))
+            info.create_system = 3
+            if rng.random() < 0.2:
+                info.external_attr = rng.choice((0o120777, 0o010777, 0o040755, 0o100644, 0)) << 16
+            if rng.random() < 0.1:
+                body = bytes(2_000_000)
+            archive.writestr(info, body)
+    out = stream.getvalue()
+    return spoil_bytes(rng, out, [], [data]) if rng.random() < 0.4 else out

@@ -6,6 +6,7 @@ The property: a reader takes the file or raises VigaugeError; nothing else, and 
 from __future__ import annotations
 
 import json
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,6 +25,8 @@ from vigauge.camera import Camera
 from vigauge.configuration import check_with, load_validator
 from vigauge.errors import VigaugeError
 from vigauge.euroc.calibration import read_camera, read_imu_noise
+from vigauge.euroc.fetch_archive import extract_sequence
+from vigauge.euroc.fetch_sources import read_sources
 from vigauge.euroc.ground_truth import read_ground_truth
 from vigauge.euroc.images import read_image
 from vigauge.euroc.plain_yaml import read_plain_yaml
@@ -154,6 +157,8 @@ def all_readers() -> Iterator[dict[str, Reader]]:
         save_problems(folder / "p.npz", [random_problem(2, n_keyframes=2, n_landmarks=1)])
         save_states(folder / "s.npz", [random_problem(1).initial])
         archives = [(folder / "p.npz").read_bytes(), (folder / "s.npz").read_bytes()]
+        zips = [mutations.zip_of([("mav0/a", b"x" * 50), ("mav0/cam0/data.csv", b"1,2\n" * 9), ("x", b"y")])]
+        sources = (ROOT / "data" / "euroc_sources.csv").read_bytes()
         whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text("utf-8"))
         configs = [json.dumps(whole).encode()]
 
@@ -205,8 +210,31 @@ def all_readers() -> Iterator[dict[str, Reader]]:
                 _binary(archives, mutations.spoil_npz, lambda data: True),
             ),
             Reader("config yaml", configs, through(folder / "config.yaml", config_of), _config_spoil(smoke)),
+            Reader(
+                "zip of a sequence",
+                zips,
+                through(folder / "sequence.zip", lambda path: _extracted(path, folder / "out")),
+                _binary(zips, mutations.spoil_zip, lambda data: True),
+            ),
+            Reader(
+                "euroc_sources.csv",
+                [sources],
+                through(folder / "sources.csv", read_sources),
+                _text([sources], mutations.TEXT_TOKENS, table=True),
+            ),
         ]
         yield {reader.name: reader for reader in readers}
+
+
+def _extracted(path: Path, out: Path) -> None:
+    """Unpack into a folder that is removed; nothing may appear beside it."""
+    before = set(out.parent.iterdir())
+    try:
+        extract_sequence(path, "XX", out, str(path), 10**6)
+        assert not any(made.is_symlink() for made in out.rglob("*"))
+    finally:
+        shutil.rmtree(out, ignore_errors=True)
+        assert set(out.parent.iterdir()) == before
 
 
 def _inside(paths: tuple[Path, ...], folder: Path) -> None:

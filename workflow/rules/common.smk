@@ -219,6 +219,12 @@ def front_end_settings(wildcards):
     return sequence_section(wildcards.sequence, "front_end")
 
 
+def sort_flag(wildcards):
+    """Allows rows out of order in a sequence's files, where the configuration does."""
+    entry = config["euroc"]["sequences"][SEQUENCE_KEYS[wildcards.sequence]]
+    return "--sort" if EUROC_ROOT and entry.get("sort", False) else ""
+
+
 def scene_settings(wildcards):
     return section("rendered", wildcards.scene, "scene")
 

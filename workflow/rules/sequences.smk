@@ -37,9 +37,10 @@ rule front_end:
         truth=front_end_truth,
         biases=front_end_biases,
         settings=front_end_settings,
+        sort=sort_flag,
     message:
         "Front-end on {wildcards.sequence}"
     shell:
         "python -m vigauge.cli.front_end --sequence {params.folder:q} --biases {params.biases:q}"
-        " --truth {params.truth:q} --settings {params.settings:q} --output {output.problem:q}"
+        " --truth {params.truth:q} --settings {params.settings:q} {params.sort} --output {output.problem:q}"
         " --truth-output {output.truth:q} --report {output.report:q} --log {log:q}"

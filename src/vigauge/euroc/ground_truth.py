@@ -30,6 +30,7 @@ class GroundTruth:
     v_W : (M, 3) m/s, or None where the file has poses only
     gyro_bias, accel_bias : (M, 3) rad/s and m/s^2, or None
     source : the file, for messages
+    n_unsorted : rows that were out of order and have been sorted
     """
 
     t_ns: NDArray[np.int64]
@@ -39,6 +40,7 @@ class GroundTruth:
     gyro_bias: Array | None = None
     accel_bias: Array | None = None
     source: str = "ground truth"
+    n_unsorted: int = 0
 
     def nearest(self, t_ns: ArrayLike, max_distance_ns: int = 1_000_000) -> NDArray[np.intp]:
         """Index of the state nearest each stamp: published stamps of one instant may differ by 256 ns.
@@ -85,6 +87,7 @@ def read_ground_truth(folder: Path, *, sort: bool = False) -> GroundTruth:
         gyro_bias=values[:, 10:13] if full else None,
         accel_bias=values[:, 13:16] if full else None,
         source=str(table.path),
+        n_unsorted=table.n_unsorted,
     )
 
 
