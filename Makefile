@@ -7,6 +7,7 @@
 #   make test PYTHON=python3.12 this interpreter for .venv
 
 CORES ?= 2
+INPUTS ?= 100000
 PYTHON ?= python3 python3.13 python3.12 python3.11
 UV ?= uv
 LOCK_FLAGS ?=
@@ -17,12 +18,13 @@ BIN := $(VENV)/bin
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 SET_UP := $(VENV)/.installed
 
-.PHONY: help setup paper test lint format lock clean distclean
+.PHONY: help setup paper test fuzz lint format lock clean distclean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make paper      set up, then every table and figure into paper_figures/ (CORES=$(CORES))"
 	@echo "make test       set up, check as 'make lint' does, then run the tests"
+	@echo "make fuzz       feed every reader $(INPUTS) malformed files; the record goes to docs/fuzzing.csv"
 	@echo "make lint       formatting, lint, types, and the workflow's own lint; changes nothing"
 	@echo "make format     rewrite Python and rule files in the project's format"
 	@echo "make setup      only .venv, from requirements.lock"
@@ -60,6 +62,9 @@ paper: $(SET_UP)
 
 test: lint
 	$(RUN) pytest
+
+fuzz: $(SET_UP)
+	PYTHONPATH=tests $(BIN)/python -m fuzz.run --inputs $(INPUTS) --record docs/fuzzing.csv
 
 lint: $(SET_UP)
 	$(RUN) ruff check .

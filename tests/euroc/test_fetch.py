@@ -431,8 +431,29 @@ def test_archive_that_declares_too_little_is_refused(tmp_path):
     refused(tmp_path, path, "whole zip archive")
 
 
-def test_doubled_names_are_refused(tmp_path):
-    refused(tmp_path, hostile(tmp_path, ("mav0/FIRST", b"y")), "names of members must differ")
+@pytest.mark.parametrize(
+    ("name", "rule"),
+    [
+        ("mav0/FIRST", "names of members must differ"),
+        ("mav0/first/", "names of members must differ"),
+        ("mav0/first/x", "a file or a folder, not both"),
+        ("mav0//first", "inside the folder"),
+        ("mav0/" + "x" * 300, "that file systems take"),
+    ],
+)
+def test_names_that_no_folder_can_have_are_refused(tmp_path, name, rule):
+    """Catches one member over another, and the error of the operating system passed on as it is."""
+    refused(tmp_path, hostile(tmp_path, (name, b"y")), rule)
+
+
+def test_member_at_a_place_outside_of_the_archive_is_refused(tmp_path):
+    """Catches the error of a seek to before the start of the file."""
+    data = bytearray(hostile(tmp_path, ("mav0/x", b"y")).read_bytes())
+    end = data.rindex(b"PK\x05\x06")
+    start = int.from_bytes(data[end + 16 : end + 20], "little")
+    data[end + 16 : end + 20] = (start + 1000).to_bytes(4, "little")  # shifts every place by -1000
+    (tmp_path / "x.zip").write_bytes(data)
+    refused(tmp_path, tmp_path / "x.zip", "must be a whole zip archive")
 
 
 def test_encrypted_and_strangely_packed_members_are_refused(tmp_path):
@@ -478,6 +499,7 @@ def test_shipped_table_is_valid_and_names_the_configured_sequences():
         ("x,h,ftp://a/b,,,", "url"),
         ("x,h,file:///etc/passwd,,,", "url"),
         ("x,h,http://[,,,", "url"),
+        ("x,h,http://[#a,,,", "url"),
         ("x,h,http://a/b,-1,,", "bytes"),
         ("x,h,http://a/b,1e9,,", "bytes"),
         ("x,h,http://a/b,,abc,", "sha256"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import warnings
 import zipfile
 import zlib
 from random import Random
@@ -185,8 +186,9 @@ def zip_of(members: list[tuple[str, bytes]]) -> bytes:
 
 
 ZIP_NAMES = [
-    "../x", "/x", "mav0/../../x", "mav0/a/b", "mav0/a", "mav0", "mav0/", "C:\\x", "mav0\\..\\x", "mav0/\u0000x", "",
-    "mav0/" + "x" * 300, "mav0/" + "x/" * 500, "XX/mav0/a", "MAV0/A", "mav0/.", "mav0//a", "mav0/con", "mav0/\ud83d\ude00",
+    "../x", "/x", "mav0/../../x", "mav0/a/b", "mav0/a", "mav0", "mav0/", "C:\\x", "mav0\\..\\x",
+    "mav0/\u0000x", "mav0/" + "x" * 300, "mav0/" + "x/" * 500, "XX/mav0/a", "MAV0/A", "mav0/.", "mav0//a",
+    "mav0/con", "/", "mav0/\u00e9",
 ]  # fmt: skip
 
 
@@ -195,12 +197,10 @@ def spoil_zip(rng: Random, data: bytes) -> bytes:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = [(name, archive.read(name)) for name in archive.namelist()]
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
+    with warnings.catch_warnings(action="ignore"), zipfile.ZipFile(stream, "w") as archive:
         for name, body in members * rng.choice((1, 1, 1, 2)):
             if rng.random() < 0.4:
-                name = (
-                    rng.choice(ZIP_NAMES).encode("utf-8", "surrogatepass").decode("utf-8", "replace") or "x"
-                )
+                name = rng.choice(ZIP_NAMES)
             info = zipfile.ZipInfo("x")
             info.filename = name
             info.compress_type = rng.choice((0, 8, 8, 8, 12))

@@ -22,6 +22,8 @@ from typing import Any
 
 from tqdm import tqdm
 
+from vigauge.files import write_rows
+
 from .readers import all_readers, outcome
 
 # Of processor time: a loaded machine is no hang.
@@ -99,13 +101,24 @@ def row_of(name: str, first: int, count: int, crashes: Path) -> dict[str, object
         "driver": "mutation",
         "first_input": first,
         "inputs": sum(found.values()),
-        "accepted": found.get("accepted", 0),
-        "DataError": found.get("DataError", 0),
-        "ConfigError": found.get("ConfigError", 0),
-        "crashes": found.get("crash", 0),
+        "accepted": found.pop("accepted", 0),
+        "crashes": found.pop("crash", 0),
+        "refused": sum(found.values()),
+        "errors": "; ".join(f"{error} {count}" for error, count in sorted(found.items())),
         "longest_s": f"{result['longest_s']:.3f}",
         "peak_memory_growth_mib": f"{result['peak_growth_mib']:.0f}",
     }
+
+
+def record(path: Path, row: dict[str, object]) -> None:
+    """Put a row into the record in the place of an earlier one of the same reader and driver."""
+    rows: list[dict[str, object]] = []
+    if path.exists():
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = [dict(old) for old in csv.DictReader(stream)]
+    same = [k for k, old in enumerate(rows) if all(old[name] == row[name] for name in ("reader", "driver"))]
+    rows[same[0] if same else len(rows) : (same[0] + 1 if same else None)] = [row]
+    write_rows(path, rows)
 
 
 def main() -> None:
@@ -126,10 +139,7 @@ def main() -> None:
         rows.append(row_of(name, options.first, options.inputs, options.crashes))
         print(rows[-1])
         if options.record:
-            with options.record.open("w", encoding="utf-8", newline="") as stream:
-                writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-                writer.writeheader()
-                writer.writerows(rows)
+            record(options.record, rows[-1])
     bad = [
         row
         for row in rows

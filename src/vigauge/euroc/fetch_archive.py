@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path, PureWindowsPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO
 
 from ..errors import FetchError
@@ -26,6 +26,8 @@ _LOCAL_START = b"PK\x03\x04"
 _ENCRYPTED = 0x1
 _CHUNK_BYTES = 1 << 20
 _LISTED = 30
+# A name of EuRoC has 60 characters; file systems take 255 bytes a step.
+_LONGEST_NAME, _LONGEST_STEP = 500, 250
 _BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError, struct.error)
 
 
@@ -45,10 +47,21 @@ class Member:
 def open_zip(stream: IO[bytes] | Path, source: str) -> Iterator[zipfile.ZipFile]:
     """A zip to read; whatever turns out to be broken in it is a FetchError about ``source``."""
     try:
-        with zipfile.ZipFile(stream) as archive:
+        with _placed():
+            opened = zipfile.ZipFile(stream)
+        with opened as archive:
             yield archive
     except _BROKEN as error:
         raise FetchError(source, f"must be a whole zip archive: {error}") from error
+
+
+@contextmanager
+def _placed() -> Iterator[None]:
+    """While a zip is read: an error of the system comes from a place in it that does not exist."""
+    try:
+        yield
+    except OSError as error:
+        raise zipfile.BadZipFile(f"it points outside of itself: {error}") from error
 
 
 def find_member(stream: IO[bytes], name: str, source: str) -> Member:
@@ -58,8 +71,9 @@ def find_member(stream: IO[bytes], name: str, source: str) -> Member:
             raise FetchError(source, f"bundle must contain {name}; {_listing(archive)}")
         info = archive.getinfo(name)
         _require_readable(info, source)
-        stream.seek(info.header_offset)
-        header = stream.read(_LOCAL_HEADER.size)
+        with _placed():
+            stream.seek(info.header_offset)
+            header = stream.read(_LOCAL_HEADER.size)
         fields = _LOCAL_HEADER.unpack(header)
         if fields[0] != _LOCAL_START:
             raise zipfile.BadZipFile(f"no member at {info.header_offset}")
@@ -163,12 +177,26 @@ def extract_sequence(
             for inside, info in files:
                 target = folder / inside
                 target.parent.mkdir(parents=True, exist_ok=True)
-                with archive.open(info) as packed, target.open("xb") as out:
-                    shutil.copyfileobj(packed, out, _CHUNK_BYTES)
+                with target.open("xb") as out:
+                    for piece in _pieces(archive, info):
+                        out.write(piece)
             return len(files)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def _pieces(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Iterator[bytes]:
+    """The content of a member, a chunk at a time; BadZipFile where it is not what the zip says."""
+    with _placed():
+        member = archive.open(info)
+    with member:
+        while True:
+            with _placed():
+                piece = member.read(_CHUNK_BYTES)
+            if not piece:
+                return
+            yield piece
 
 
 def declared_bytes(path: Path, source: str) -> int:
@@ -182,8 +210,11 @@ def _require_readable(info: zipfile.ZipInfo, source: str) -> None:
     mode = info.external_attr >> 16
     parts = PureWindowsPath(name)  # knows both kinds of slashes, and drives
     rule = ""
-    if not name or "\x00" in name or "\\" in name or parts.anchor or {"..", "."} & set(name.split("/")):
+    steps = name.removesuffix("/").split("/")
+    if "\x00" in name or "\\" in name or parts.anchor or {"", "..", "."} & set(steps):
         rule = "member's name must lead to a place inside the folder"
+    elif len(name) > _LONGEST_NAME or max(len(step.encode()) for step in steps) > _LONGEST_STEP:
+        rule = "member's name must be one that file systems take"
     elif stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
         rule = "members must be files and folders, no links or devices"
     elif info.flag_bits & _ENCRYPTED:
@@ -205,9 +236,15 @@ def _checked_members(archive: zipfile.ZipFile, source: str, largest: int) -> lis
     for info in members:
         _require_readable(info, source)
         # Some file systems do not tell case apart: one member would overwrite the other.
-        if info.filename.lower() in seen:
+        place = info.filename.removesuffix("/").lower()
+        if place in seen:
             raise FetchError(source, "names of members must differ", field="member", value=info.filename)
-        seen.add(info.filename.lower())
+        seen.add(place)
+    folders = {str(parent) for place in seen for parent in PurePosixPath(place).parents}
+    for info in members:
+        if not info.is_dir() and info.filename.lower() in folders:
+            rule = "member must be a file or a folder, not both"
+            raise FetchError(source, rule, field="member", value=info.filename)
     return members
 
 

@@ -85,11 +85,12 @@ def _source(path: Path, line: int, row: dict[str, str]) -> Source:
     if None in row or None in row.values():
         raise DataError(path, f"must have {len(COLUMNS)} columns", row=line)
     require(_NAME.fullmatch(row["sequence"]), "sequence", "must be a plain name")
-    url, member = urldefrag(row["url"])
     try:
+        url, member = urldefrag(row["url"])
         parts = urlsplit(url)
     except ValueError as error:
-        raise DataError(path, f"must be an address: {error}", row=line, field="url", value=url) from error
+        rule = f"must be an address: {error}"
+        raise DataError(path, rule, row=line, field="url", value=row["url"]) from error
     require(parts.scheme in ("http", "https") and parts.hostname, "url", "must be an http or https address")
     require(
         not row["bytes"] or _BYTES.fullmatch(row["bytes"]), "bytes", "must be a positive integer or empty"
