@@ -354,6 +354,25 @@ def test_full_disk_is_told_before_the_download(host, inner, fetch, monkeypatch):
     assert host.bytes_asked < len(inner) + 300_000
 
 
+def test_run_stopped_while_unpacking_leaves_the_zip_for_the_next(
+    host, inner, fetch, tmp_path, sequence_folder, monkeypatch
+):
+    """Catches 1.5 GB fetched again after Ctrl-C, or half a sequence left in place."""
+    rows = nested_rows(host, inner)
+
+    def stop(folder: Path) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("vigauge.euroc.fetch.read_sequence", stop)
+        fetch(*rows)
+    require_nothing(tmp_path)
+    host.requests.clear()
+    fetch(*rows)
+    require_whole(tmp_path, sequence_folder)
+    assert host.bytes_asked < 2**18, "the directory of the bundle, and nothing of the sequence"
+
+
 def test_existing_data_are_never_replaced(host, inner, fetch, tmp_path):
     (tmp_path / "euroc" / NAME).mkdir(parents=True)
     (tmp_path / "euroc" / NAME / "mine").write_text("x")

@@ -116,7 +116,10 @@ def fetch_sequence(
 
 
 def _unpack(path: Path, digest: str, source: Source, target: Path, work: Path) -> Fetched:
-    """The sequence's zip, unpacked beside, read as a check, and moved to its place."""
+    """The sequence's zip, unpacked beside, read as a check, and moved to its place.
+
+    The zip goes when it is unpacked or found bad; when the run is stopped it stays for the next.
+    """
     require_space(work, declared_bytes(path, str(source)), f"to unpack {source.name}")
     staging = work / source.name
     shutil.rmtree(staging, ignore_errors=True)
@@ -138,11 +141,12 @@ def _unpack(path: Path, digest: str, source: Source, target: Path, work: Path) -
         )
         write_json(staging / RECORD, asdict(fetched))
         staging.replace(target)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(staging, ignore_errors=True)
+        if isinstance(error, FetchError):
+            discard(path)
         raise
-    finally:
-        discard(path)
+    discard(path)
     return fetched
 
 
