@@ -367,10 +367,12 @@ def test_run_stopped_while_unpacking_leaves_the_zip_for_the_next(
         patch.setattr("vigauge.euroc.fetch.read_sequence", stop)
         fetch(*rows)
     require_nothing(tmp_path)
+    *looked, downloaded = host.requests
+    assert downloaded[1].startswith("bytes=4001"), "the member lies right behind the bag of 400 kB"
     host.requests.clear()
     fetch(*rows)
     require_whole(tmp_path, sequence_folder)
-    assert host.bytes_asked < 2**18, "the directory of the bundle, and nothing of the sequence"
+    assert host.requests == looked, "the directory of the bundle, and nothing of the sequence"
 
 
 def test_existing_data_are_never_replaced(host, inner, fetch, tmp_path):
