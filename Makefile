@@ -7,6 +7,7 @@
 #   make test PYTHON=python3.12 this interpreter for .venv
 
 CORES ?= 2
+INPUTS ?= 100000
 PYTHON ?= python3 python3.13 python3.12 python3.11
 UV ?= uv
 LOCK_FLAGS ?=
@@ -17,7 +18,7 @@ BIN := $(VENV)/bin
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 SET_UP := $(VENV)/.installed
 
-.PHONY: help setup paper recovery test lint format lock clean distclean
+.PHONY: help setup paper recovery test fuzz lint format lock clean distclean
 .DEFAULT_GOAL := help
 
 help:
@@ -25,6 +26,7 @@ help:
 	@echo "                after a kill or a crash, the same again takes up where it was"
 	@echo "make recovery   kill the pipeline at random moments, start it again, compare (docs/recovery.csv)"
 	@echo "make test       set up, check as 'make lint' does, then run the tests"
+	@echo "make fuzz       feed every reader $(INPUTS) malformed files; the record goes to docs/fuzzing.csv"
 	@echo "make lint       formatting, lint, types, and the workflow's own lint; changes nothing"
 	@echo "make format     rewrite Python and rule files in the project's format"
 	@echo "make setup      only .venv, from requirements.lock"
@@ -67,6 +69,9 @@ recovery: $(SET_UP)
 
 test: lint
 	$(RUN) pytest
+
+fuzz: $(SET_UP)
+	PYTHONPATH=tests $(BIN)/python -m fuzz.run --inputs $(INPUTS) --record docs/fuzzing.csv
 
 lint: $(SET_UP)
 	$(RUN) ruff check .

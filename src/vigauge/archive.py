@@ -1,16 +1,20 @@
 """Problems and states on disk: plain ``.npz`` archives, no pickles, same content same bytes.
 
-An archive holds a list: entry i has its arrays under the names ``i/field``.
+An archive holds a list: entry i has its arrays under the names ``i/field``. What an archive
+says of itself is checked before memory is reserved for it.
 """
 
 from __future__ import annotations
 
+import math
 import os
+import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +26,17 @@ from .state import State
 
 PathLike = str | os.PathLike[str]
 T = TypeVar("T")
+
+# Ours are stored as they are and the published matrices compress to a tenth; a bomb does 1000 to one.
+_EXPANSION = 100
+_ALWAYS_ALLOWED_BYTES = 1_000_000
+_ENCRYPTED = 0x1
+_KINDS = "biufcU"
+# What zipfile and NumPy raise on files that are not what they seem.
+_BROKEN = (
+    ValueError, TypeError, OSError, EOFError, KeyError, IndexError, RuntimeError, MemoryError, OverflowError,
+    SyntaxError, tokenize.TokenError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 _STATE = ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref")
 _FACTORS = ("first", "second", "dt", "dp", "dR", "dv", "covariance")
@@ -41,13 +56,46 @@ def load_arrays(path: PathLike) -> dict[str, np.ndarray]:
     if not Path(path).is_file():
         raise DataError(path, "file must exist")
     try:
-        archive = np.load(path, allow_pickle=False)
-        if not isinstance(archive, np.lib.npyio.NpzFile):
-            raise ValueError("it is a single array")
-        with archive:
+        _require_honest(Path(path))
+        with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, KeyError) as error:
+    except _BROKEN as error:
         raise DataError(path, f"must be an npz archive without pickles: {error}") from error
+
+
+def _require_honest(path: Path) -> None:
+    """ValueError where members are not arrays of the size that their headers name, or are bombs."""
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        if len({member.filename for member in members}) != len(members):
+            raise ValueError("two members have one name")
+        total = sum(member.file_size for member in members)
+        if total > max(_ALWAYS_ALLOWED_BYTES, _EXPANSION * path.stat().st_size):
+            raise ValueError(f"its members would take {total} bytes")
+        for member in members:
+            if member.flag_bits & _ENCRYPTED or member.compress_type not in (
+                zipfile.ZIP_STORED,
+                zipfile.ZIP_DEFLATED,
+            ):
+                raise ValueError(f"{member.filename} must be stored or deflated, and not encrypted")
+            with archive.open(member) as stream:
+                _require_array(member, stream)
+
+
+def _require_array(member: zipfile.ZipInfo, stream: IO[bytes]) -> None:
+    """ValueError where a member is not an ``.npy`` file of plain numbers or text, whole and no longer."""
+    version = np.lib.format.read_magic(stream)
+    if version == (1, 0):
+        shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+    elif version == (2, 0):
+        shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
+    else:
+        raise ValueError(f"{member.filename} has format version {version}")
+    if dtype.kind not in _KINDS:
+        raise ValueError(f"{member.filename} must hold numbers or text, not {dtype}")
+    size = math.prod(shape) * dtype.itemsize
+    if min(shape, default=0) < 0 or size != member.file_size - stream.tell():
+        raise ValueError(f"{member.filename} has another size than its header says")
 
 
 def _state_arrays(state: State) -> dict[str, np.ndarray]:
@@ -141,8 +189,8 @@ def _load_list(path: PathLike, kind: str, build: Callable[[_Entry], T]) -> list[
     if found != kind:
         raise DataError(path, f"must hold {kind}", field="kind", value=found)
     count = arrays.get("count")
-    if count is None or count.shape != () or count.dtype.kind != "i":
-        raise DataError(path, "must be a number of entries", field="count")
+    if count is None or count.shape != () or count.dtype.kind != "i" or not 0 <= count <= len(arrays):
+        raise DataError(path, "must be a number of entries that are there", field="count", value=count)
     entries: list[dict[str, np.ndarray]] = [{} for _ in range(int(count))]
     places = {str(index): entry for index, entry in enumerate(entries)}
     for name, value in arrays.items():

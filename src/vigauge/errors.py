@@ -2,8 +2,27 @@
 
 from __future__ import annotations
 
+import reprlib
 from os import PathLike
 from typing import Any
+
+# What was found is quoted, not copied: a hostile value may be of any size.
+_QUOTE = reprlib.Repr()
+_QUOTE.maxlevel = 4
+_QUOTE.maxlist = _QUOTE.maxtuple = _QUOTE.maxdict = _QUOTE.maxset = 16
+_QUOTE.maxstring = _QUOTE.maxother = 200
+_LONGEST_PART = 1000
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST_PART else text[:_LONGEST_PART] + "..."
+
+
+def _quoted(value: object) -> str:
+    try:
+        return _QUOTE.repr(value)
+    except ValueError:  # an integer of more digits than Python prints
+        return f"a {type(value).__name__}"
 
 
 class VigaugeError(Exception):
@@ -40,9 +59,9 @@ class DataError(VigaugeError):
         if row is not None:
             where += f", row {row}"
         if field is not None:
-            where += f", {field}"
-        found = "" if value is None else f" (found {value!r})"
-        super().__init__(f"{where}: {rule}{found}")
+            where += f", {_shortened(field)}"
+        found = "" if value is None else f" (found {_quoted(value)})"
+        super().__init__(f"{where}: {_shortened(rule)}{found}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Exceptions pickle their message only; this keeps the parts (worker processes).
@@ -65,6 +84,10 @@ class MixtureError(DataError):
 
 class OutputError(VigaugeError):
     """A result that could not be written: full disk, no permission, file too large. Nothing was changed."""
+
+
+class FetchError(DataError):
+    """A file that a host did not give, or not whole, or another one than it should be."""
 
 
 class SolverError(VigaugeError):

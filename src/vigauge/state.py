@@ -21,8 +21,11 @@ from .so3 import Array
 
 
 def _require_rotations(name: str, R: Array) -> None:
-    drift = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
-    drift = np.maximum(drift, np.where(np.linalg.det(R) > 0, 0.0, 2.0))
+    # Entries outside [-2, 2] are no rotation's, and their products may overflow.
+    small = np.abs(R).max(axis=(1, 2), initial=0.0) < 2.0
+    R_small = np.where(small[:, None, None], R, 0.0)
+    drift = np.abs(R_small @ R_small.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    drift = np.maximum(drift, np.where(np.linalg.det(R_small) > 0, 0.0, 2.0))
     if np.any(drift > 1e-6):
         row = int(np.argmax(drift))
         raise DataError("state", "must be a rotation matrix", field=name, row=row, value=R[row])
@@ -104,7 +107,9 @@ class State:
                 field="dphi_0",
                 value=self.dphi_0,
             )
-        _require_rotations("R_WB0_ref", np.reshape(self.R_WB0_ref, (-1, 3, 3)))
+        if np.shape(self.R_WB0_ref) != (3, 3) or not np.all(np.isfinite(self.R_WB0_ref)):
+            raise DataError("state", "must be a 3 x 3 matrix", field="R_WB0_ref", value=self.R_WB0_ref)
+        _require_rotations("R_WB0_ref", self.R_WB0_ref[None])
         if np.abs(so3.exp(self.dphi_0) @ self.R_WB0_ref - self.R_WB[0]).max() > 1e-6:
             raise DataError(
                 "state", "Exp(dphi_0) R_WB0_ref must be the first rotation", field="dphi_0", value=self.dphi_0

@@ -4,30 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import pytest
 
-from support.asl import CAMERA_YAML, FRAME_NS, IMU_HEADER, IMU_NS, IMU_YAML, grey_image
+from support.asl import IMU_NS, write_sequence
 
 
 @pytest.fixture
 def sequence_folder(tmp_path: Path) -> Path:
     """A sequence of 4 stereo frames and 40 inertial samples."""
-    folder = tmp_path / "flight"
-    for number, name in enumerate(("cam0", "cam1")):
-        camera = folder / "mav0" / name
-        (camera / "data").mkdir(parents=True)
-        (camera / "sensor.yaml").write_text(CAMERA_YAML.format(x=0.11 * number))
-        rows = "".join(f"{t},{t}.png\n" for t in FRAME_NS)
-        (camera / "data.csv").write_text("#timestamp [ns],filename\n" + rows)
-        for k, t in enumerate(FRAME_NS):
-            assert cv2.imwrite(str(camera / "data" / f"{t}.png"), grey_image(10 * number + k))
-    imu = folder / "mav0" / "imu0"
-    imu.mkdir()
-    (imu / "sensor.yaml").write_text(IMU_YAML)
-    rows = "".join(f"{t},0.1,-0.2,0.3,9.7,0.4,{k / 100}\n" for k, t in enumerate(IMU_NS))
-    (imu / "data.csv").write_text(IMU_HEADER + rows)
-    return folder
+    return write_sequence(tmp_path / "flight")
 
 
 @pytest.fixture

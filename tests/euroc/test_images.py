@@ -54,13 +54,13 @@ def test_image_cut_short_is_refused(tmp_path, ending, share):
     path = tmp_path / f"a{ending}"
     data = encoded(ending, grey_image())
     path.write_bytes(data[: int(share * len(data))])
-    assert "whole image" in refused(path).rule
+    assert "whole PNG or JPEG" in refused(path).rule
 
 
 def test_file_that_is_no_image_is_refused(tmp_path):
     path = tmp_path / "a.png"
     path.write_text("<html>404 Not Found</html>")
-    assert "whole image" in refused(path).rule
+    assert "whole PNG or JPEG" in refused(path).rule
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 
 CAMERA_YAML = """\
@@ -39,3 +42,21 @@ IMU_NS = [START_NS + 5_000_000 * k for k in range(40)]
 def grey_image(seed: int = 0) -> np.ndarray:
     """(30, 40) noise, which no codec makes very short."""
     return np.random.default_rng(seed).integers(0, 256, (30, 40), dtype=np.uint8)
+
+
+def write_sequence(folder: Path) -> Path:
+    """A valid sequence of 4 stereo frames and 40 inertial samples."""
+    for number, name in enumerate(("cam0", "cam1")):
+        camera = folder / "mav0" / name
+        (camera / "data").mkdir(parents=True)
+        (camera / "sensor.yaml").write_text(CAMERA_YAML.format(x=0.11 * number))
+        rows = "".join(f"{t},{t}.png\n" for t in FRAME_NS)
+        (camera / "data.csv").write_text("#timestamp [ns],filename\n" + rows)
+        for k, t in enumerate(FRAME_NS):
+            assert cv2.imwrite(str(camera / "data" / f"{t}.png"), grey_image(10 * number + k))
+    imu = folder / "mav0" / "imu0"
+    imu.mkdir()
+    (imu / "sensor.yaml").write_text(IMU_YAML)
+    rows = "".join(f"{t},0.1,-0.2,0.3,9.7,0.4,{k / 100}\n" for k, t in enumerate(IMU_NS))
+    (imu / "data.csv").write_text(IMU_HEADER + rows)
+    return folder

@@ -66,6 +66,11 @@ if unswept:
         f"configuration, figures.path_weights: must be among prior.sweep_weights (found {unswept})"
     )
 
+# Folders below the root, which are also the names in data/euroc_sources.csv.
+FETCHED = sorted({entry["folder"] for entry in config["euroc"]["sequences"].values()})
+DOWNLOAD = config["euroc"]["download"]
+EUROC_SOURCES = "data/euroc_sources.csv"
+
 SEQUENCE_KEYS = {sequence_name(key): key for key in USED}
 SEQUENCES = list(SEQUENCE_KEYS)
 MACHINE_HALL = sequence_name(config["paper"]["machine_hall"])
@@ -117,6 +122,7 @@ wildcard_constraints:
     configuration="|".join(CONFIGURATIONS),
     sequence="|".join(re.escape(name) for name in SEQUENCES),
     scene="hall|room",
+    fetched="|".join(re.escape(name) for name in FETCHED),
     parameter="|".join(config["sensitivity"]["values"]),
     value="[0-9.e-]+",
 
@@ -241,6 +247,12 @@ def window_flags(front_end):
 
 def check_window(wildcards):
     return window_flags(json.loads(front_end_settings(wildcards)))
+
+
+def sort_flag(wildcards):
+    """Allows rows out of order in a sequence's files, where the configuration does."""
+    entry = config["euroc"]["sequences"][SEQUENCE_KEYS[wildcards.sequence]]
+    return "--sort" if EUROC_ROOT and entry.get("sort", False) else ""
 
 
 def scene_settings(wildcards):

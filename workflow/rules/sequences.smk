@@ -35,11 +35,12 @@ rule check_sequence:
         folder=front_end_folder,
         truths=truth_names,
         window=check_window,
+        sort=sort_flag,
     message:
         "Checking {wildcards.sequence}"
     shell:
         "python -m vigauge.cli.check_sequence {params.folder:q} --truth {params.truths:q} {params.window}"
-        " --accept-warnings --output {output:q} --log {log:q}"
+        " {params.sort} --accept-warnings --output {output:q} --log {log:q}"
 
 
 rule front_end:
@@ -62,9 +63,10 @@ rule front_end:
         truth=front_end_truth,
         biases=front_end_biases,
         settings=front_end_settings,
+        sort=sort_flag,
     message:
         "Front-end on {wildcards.sequence}"
     shell:
         "python -m vigauge.cli.front_end --sequence {params.folder:q} --biases {params.biases:q}"
-        " --truth {params.truth:q} --settings {params.settings:q} --output {output.problem:q}"
+        " --truth {params.truth:q} --settings {params.settings:q} {params.sort} --output {output.problem:q}"
         " --truth-output {output.truth:q} --report {output.report:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

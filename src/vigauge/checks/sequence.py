@@ -63,6 +63,8 @@ def check_sequence(
     window: Window | None = None,
     camera_time_offset_ns: int = 0,
     effort: Effort | None = None,
+    *,
+    sort: bool = False,
 ) -> Findings:
     """Check an ASL folder; bad data become findings, never exceptions.
 
@@ -72,6 +74,7 @@ def check_sequence(
     window : part of the recording; None: all of it
     camera_time_offset_ns : added to the stamps of frames, as the front-end's setting of that name
     effort : how many images to look at; None: as many as take some seconds
+    sort : rows out of order are a warning and sorted, as where sequences are read
     """
     folder = Path(folder)
     out = Findings(folder.resolve().name)
@@ -79,7 +82,7 @@ def check_sequence(
     if not mav.is_dir():
         out.error("files", str(DataError(mav, "sequence folder must exist and contain mav0")))
         return out
-    parts = _read_parts(mav, out)
+    parts = _read_parts(mav, sort, out)
     inertial = _check_stamps(mav, parts, window or Window(), camera_time_offset_ns, out)
     if inertial is not None:
         _check_contents(folder, mav, parts, *inertial, truths, effort or Effort(), out)
@@ -95,20 +98,29 @@ def _try(out: Findings, check: str, read: Callable[[], _T]) -> _T | None:
         return None
 
 
-def _read_parts(mav: Path, out: Findings) -> _Parts:
+def _warn_of_order(check: str, rows: int, out: Findings) -> None:
+    if rows:
+        out.warn(check, f"{rows} row(s) were out of order and have been sorted")
+
+
+def _read_parts(mav: Path, sort: bool, out: Findings) -> _Parts:
     cameras = [
         _try(out, "calibration", partial(read_camera, mav / name / "sensor.yaml"))
         for name in ("cam0", "cam1")
     ]
     noise = _try(out, "calibration", partial(read_imu_noise, mav / "imu0" / "sensor.yaml"))
-    imu = _try(out, "imu0", partial(read_imu, mav / "imu0" / "data.csv"))
-    frames = _try(out, "frames", partial(read_frames, mav))
+    imu = _try(out, "imu0", partial(read_imu, mav / "imu0" / "data.csv", sort))
+    frames = _try(out, "frames", partial(read_frames, mav, sort))
     if noise is not None:
         out.fact("imu0", gyro_density=noise.gyro_density, accel_density=noise.accel_density)
     if imu is not None:
-        out.fact("imu0", repeated_rows=imu[1])
-        if imu[1]:
-            out.warn("imu0", f"imu0 repeats {imu[1]} identical row(s), which are left out")
+        repeated = imu[1].n_repeated
+        out.fact("imu0", repeated_rows=repeated)
+        if repeated:
+            out.warn("imu0", f"imu0 repeats {repeated} identical row(s), which are left out")
+        _warn_of_order("imu0", imu[1].n_unsorted, out)
+    if frames is not None:
+        _warn_of_order("frames", frames.n_unsorted, out)
     if cameras[0] is not None and cameras[1] is not None:
         check_calibration((cameras[0], cameras[1]), out)
     return _Parts((cameras[0], cameras[1]), noise, imu[0] if imu else None, frames)

@@ -20,7 +20,9 @@ _EXIT_DEFECT = 70
 
 def work(options: argparse.Namespace) -> None:
     window = Window(options.origin_ns, *options.window)
-    found = check_sequence(options.folder, options.truth, window, options.camera_time_offset_ns)
+    found = check_sequence(
+        options.folder, options.truth, window, options.camera_time_offset_ns, sort=options.sort
+    )
     report = found.to_mapping()
     if options.json:
         print(json.dumps(report, indent=2, sort_keys=True, allow_nan=False))
@@ -55,6 +57,9 @@ def main() -> None:
     )
     arguments.add_argument(
         "--camera-time-offset-ns", type=int, default=0, help="added to the stamps of frames"
+    )
+    arguments.add_argument(
+        "--sort", action="store_true", help="rows out of order are sorted, counted and warned of"
     )
     arguments.add_argument("--json", action="store_true", help="print JSON instead of text")
     arguments.add_argument("--output", type=Path, help="file that gets the JSON as well, unless unusable")

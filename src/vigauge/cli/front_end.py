@@ -19,14 +19,26 @@ from vigauge.frontend.settings import FrontEndSettings
 
 def work(options: argparse.Namespace) -> None:
     settings = FrontEndSettings.from_mapping(options.settings)
-    sequence = read_sequence(options.sequence)
-    biases = read_ground_truth(options.biases)
-    truth = biases if options.truth == options.biases else read_ground_truth(options.truth)
+    sequence = read_sequence(options.sequence, sort=options.sort)
+    biases = read_ground_truth(options.biases, sort=options.sort)
+    same = options.truth == options.biases
+    truth = biases if same else read_ground_truth(options.truth, sort=options.sort)
+    mended = {
+        "imu_rows_repeated": sequence.n_repeated_imu,
+        "imu_rows_sorted": sequence.n_unsorted_imu,
+        "image_rows_sorted": sequence.frames.n_unsorted,
+        "truth_rows_sorted": truth.n_unsorted,
+    }
+    for what, count in mended.items():
+        if count:
+            LOG.warning("%s: %s: %d", sequence.name, what.replace("_", " "), count)
     problem, t_ns, report = build_problem(sequence, biases, settings, progress=True)
     save_states(options.truth_output, [truth.states_at(t_ns)])
     save_problems(options.output, [problem])
     details = report.to_mapping()
-    write_json(options.report, details | {"truth": options.truth.name, "biases": options.biases.name})
+    write_json(
+        options.report, details | mended | {"truth": options.truth.name, "biases": options.biases.name}
+    )
     LOG.info(
         "%s: %d keyframes, %d landmarks, %d observations, median reprojection error %.2f px",
         sequence.name,
@@ -52,6 +64,7 @@ def main() -> None:
     )
     arguments.add_argument("--truth", type=Path, required=True, help="ground-truth folder for evaluation")
     arguments.add_argument("--settings", type=json_argument, required=True, help="front-end settings")
+    arguments.add_argument("--sort", action="store_true", help="put rows in order of time, and count them")
     arguments.add_argument("--output", type=Path, required=True, help="output: the problem")
     arguments.add_argument(
         "--truth-output", type=Path, required=True, help="output: true states at the keyframes"

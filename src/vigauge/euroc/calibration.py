@@ -7,33 +7,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ..camera import Camera
 from ..errors import DataError
 from ..imu import ImuNoise
 from ..so3 import Array
+from .plain_yaml import read_plain_yaml
 
 # Published extrinsics have 6 to 12 digits.
 _ROTATION_TOLERANCE = 1e-4
 _IDENTITY_TOLERANCE = 1e-9
+# No camera has more; a file that says so would make a lying image header pass.
+_LARGEST_SIDE_PX = 16_384
 
 
 def read_sensor_yaml(path: Path) -> Mapping[str, Any]:
-    """The keys of a ``sensor.yaml``.
-
-    Some copies begin with ``%YAML:1.0``, which OpenCV writes and YAML itself forbids; that
-    line is skipped. DataError where the file is missing or not a YAML mapping.
-    """
-    if not path.is_file():
-        raise DataError(path, "file must exist")
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        if lines and lines[0].startswith("%YAML"):
-            lines[0] = ""
-        content = yaml.safe_load("\n".join(lines))
-    except (UnicodeDecodeError, OSError, yaml.YAMLError) as error:
-        raise DataError(path, f"must be a plain YAML file: {error}") from error
+    """The keys of a ``sensor.yaml``; DataError where the file is missing or no plain YAML mapping."""
+    content = read_plain_yaml(path)
     if not isinstance(content, dict):
         raise DataError(path, "must hold a mapping of keys", value=type(content).__name__)
     return content
@@ -52,8 +42,9 @@ def read_camera(path: Path) -> Camera:
     if fx <= 0.0 or fy <= 0.0:
         raise DataError(path, "focal lengths must be positive", field="intrinsics", value=(fx, fy))
     width, height = _numbers(path, content, "resolution", 2)
-    if width != int(width) or height != int(height) or min(width, height) < 1:
-        raise DataError(path, "must be two positive whole numbers", field="resolution", value=(width, height))
+    if not all(side == int(side) and 1 <= side <= _LARGEST_SIDE_PX for side in (width, height)):
+        rule = f"must be two whole numbers from 1 to {_LARGEST_SIDE_PX}"
+        raise DataError(path, rule, field="resolution", value=(width, height))
     k1, k2, p1, p2 = _numbers(path, content, "distortion_coefficients", 4)
     R_BC, p_BC = _rigid_transform(path, content)
     return Camera(fx, fy, cx, cy, int(width), int(height), (k1, k2, p1, p2), R_BC, p_BC)
@@ -85,7 +76,7 @@ def _number(path: Path, key: str, value: object) -> float:
     # YAML 1.1 reads "2e-3" as text, so text is tried too; booleans would pass as 0 and 1.
     try:
         number = float("" if isinstance(value, bool) else value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if not np.isfinite(number):
         raise DataError(path, "must be a finite number", field=key, value=value)

@@ -31,6 +31,7 @@ class GroundTruth:
     v_W : (M, 3) m/s, or None where the file has poses only
     gyro_bias, accel_bias : (M, 3) rad/s and m/s^2, or None
     source : the file, for messages
+    n_unsorted : rows that were out of order and have been sorted
     """
 
     t_ns: NDArray[np.int64]
@@ -40,6 +41,7 @@ class GroundTruth:
     gyro_bias: Array | None = None
     accel_bias: Array | None = None
     source: str = "ground truth"
+    n_unsorted: int = 0
 
     def nearest(self, t_ns: ArrayLike, max_distance_ns: int = 1_000_000) -> NDArray[np.intp]:
         """Index of the state nearest each stamp: published stamps of one instant may differ by 256 ns.
@@ -66,13 +68,14 @@ class GroundTruth:
         return State.start(self.p_W[row], self.R_WB[row], self.v_W[row], np.zeros((0, 3)))
 
 
-def read_ground_truth(folder: Path) -> GroundTruth:
+def read_ground_truth(folder: Path, *, sort: bool = False) -> GroundTruth:
     """Read ``data.csv`` of a ``state_groundtruth_*`` folder.
 
     Columns: stamp, position, quaternion (w first); with 17 columns also velocity,
-    gyroscope bias, accelerometer bias.
+    gyroscope bias, accelerometer bias. ``sort`` puts rows in order of time; without it,
+    rows out of order are an error.
     """
-    table = read_table(Path(folder) / "data.csv", (_POSE_COLUMNS, _STATE_COLUMNS))
+    table = read_table(Path(folder) / "data.csv", (_POSE_COLUMNS, _STATE_COLUMNS), sort=sort)
     _require_w_first(table.path, table.columns)
     values = table.numbers()
     quaternion = values[:, 3:7]
@@ -92,6 +95,7 @@ def read_ground_truth(folder: Path) -> GroundTruth:
         gyro_bias=values[:, 10:13] if full else None,
         accel_bias=values[:, 13:16] if full else None,
         source=str(table.path),
+        n_unsorted=table.n_unsorted,
     )
 
 

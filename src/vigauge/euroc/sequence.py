@@ -33,12 +33,14 @@ class StereoFrames:
     t_ns : (F,) int64 stamps of the left camera, strictly increasing
     left, right : F paths each
     dropped_ns : (D,) int64 stamps of left frames without a right one, which are not in the lists
+    n_unsorted : rows of both lists that were out of order and have been sorted
     """
 
     t_ns: NDArray[np.int64]
     left: tuple[Path, ...]
     right: tuple[Path, ...]
     dropped_ns: NDArray[np.int64]
+    n_unsorted: int = 0
 
     @property
     def n_dropped(self) -> int:
@@ -59,6 +61,7 @@ class Sequence:
     imu : samples as recorded, biases in
     imu_noise : densities as published in ``imu0/sensor.yaml``
     n_repeated_imu : identical repeated inertial rows that were left out
+    n_unsorted_imu : inertial rows that were out of order and have been sorted
     """
 
     name: str
@@ -68,10 +71,14 @@ class Sequence:
     imu: ImuSamples
     imu_noise: ImuNoise
     n_repeated_imu: int = 0
+    n_unsorted_imu: int = 0
 
 
-def read_sequence(folder: Path) -> Sequence:
+def read_sequence(folder: Path, *, sort: bool = False) -> Sequence:
     """Read a folder that contains ``mav0``; images are checked for existence, not opened.
+
+    ``sort`` puts rows of ``data.csv`` files in order of time; without it, rows out of order
+    are an error.
 
     Raises
     ------
@@ -87,22 +94,23 @@ def read_sequence(folder: Path) -> Sequence:
     if baseline < _LEAST_BASELINE_M:
         rule = "the two cameras must be apart"
         raise DataError(mav / "cam1" / "sensor.yaml", rule, field="T_BS", value=f"{baseline} m")
-    imu, n_repeated = read_imu(mav / "imu0" / "data.csv")
+    imu, imu_table = read_imu(mav / "imu0" / "data.csv", sort)
     return Sequence(
         name=folder.resolve().name,
         folder=folder,
         cameras=cameras,
-        frames=read_frames(mav),
+        frames=read_frames(mav, sort),
         imu=imu,
         imu_noise=read_imu_noise(mav / "imu0" / "sensor.yaml"),
-        n_repeated_imu=n_repeated,
+        n_repeated_imu=imu_table.n_repeated,
+        n_unsorted_imu=imu_table.n_unsorted,
     )
 
 
-def read_frames(mav: Path) -> StereoFrames:
+def read_frames(mav: Path, sort: bool = False) -> StereoFrames:
     """Stereo frames of ``mav0``; images are checked for existence, not opened. DataError as above."""
-    left = read_table(mav / "cam0" / "data.csv", (2,))
-    right = read_table(mav / "cam1" / "data.csv", (2,))
+    left = read_table(mav / "cam0" / "data.csv", (2,), sort=sort)
+    right = read_table(mav / "cam1" / "data.csv", (2,), sort=sort)
     partner, distance = nearest_index(right.t_ns, left.t_ns)
     paired = np.flatnonzero(distance <= _STEREO_TOLERANCE_NS)
     if len(paired) == 0:
@@ -111,29 +119,46 @@ def read_frames(mav: Path) -> StereoFrames:
         )
     return StereoFrames(
         t_ns=left.t_ns[paired],
-        left=tuple(_image_path(left, int(k)) for k in paired),
-        right=tuple(_image_path(right, int(k)) for k in partner[paired]),
+        left=_image_paths(left, paired),
+        right=_image_paths(right, partner[paired]),
         dropped_ns=left.t_ns[distance > _STEREO_TOLERANCE_NS],
+        n_unsorted=left.n_unsorted + right.n_unsorted,
     )
 
 
-def _image_path(table: Table, k: int) -> Path:
-    """The file that row k names, which must exist and lie inside the ``data`` folder."""
-    name = table.fields[k][0]
-    line = int(table.lines[k])
-    parts = PureWindowsPath(name)  # knows both kinds of slashes, and drives
-    if not name or "\x00" in name or parts.anchor or ".." in parts.parts:
-        rule = "must name a file inside the data folder"
-        raise DataError(table.path, rule, row=line, field="filename", value=name)
-    path = table.path.parent / "data" / name
-    if not path.is_file():
-        raise DataError(table.path, "image file must exist", row=line, field="filename", value=name)
-    return path
+def _image_paths(table: Table, rows: NDArray[np.intp]) -> tuple[Path, ...]:
+    """The files that rows name, which must exist and lie inside the ``data`` folder.
+
+    That folder may itself be a link; a link inside it must not lead out of it.
+    """
+    folder = table.path.parent / "data"
+    inside = folder.resolve()
+    paths = []
+    for k in rows:
+        name, line = table.fields[k][0], int(table.lines[k])
+        parts = PureWindowsPath(name)  # knows both kinds of slashes, and drives
+        if not name or "\x00" in name or parts.anchor or ".." in parts.parts:
+            rule = "must name a file inside the data folder"
+            raise DataError(table.path, rule, row=line, field="filename", value=name)
+        path = folder / name
+        try:
+            missing = not path.is_file()
+            leaves = not missing and not path.resolve().is_relative_to(inside)
+        except OSError as error:  # a name longer than the file system allows
+            rule = f"must name a file: {error.strerror}"
+            raise DataError(table.path, rule, row=line, field="filename", value=name) from error
+        if missing:
+            raise DataError(table.path, "image file must exist", row=line, field="filename", value=name)
+        if leaves:
+            rule = "must not lead out of the data folder through a link"
+            raise DataError(table.path, rule, row=line, field="filename", value=name)
+        paths.append(path)
+    return tuple(paths)
 
 
-def read_imu(path: Path) -> tuple[ImuSamples, int]:
-    """Inertial samples, and how many identical repeated rows were left out. DataError as above."""
-    table = read_table(path, (7,), drop_repeated=True)
+def read_imu(path: Path, sort: bool = False) -> tuple[ImuSamples, Table]:
+    """Inertial samples, and the table they come from with its counts. DataError as above."""
+    table = read_table(path, (7,), drop_repeated=True, sort=sort)
     for k, wrong in ((1, ("a",)), (4, ("w", "g"))):
         name = table.columns[k] if k < len(table.columns) else ""
         if name.lower().startswith(wrong):
@@ -150,4 +175,4 @@ def read_imu(path: Path) -> tuple[ImuSamples, int]:
         k = int(np.argmax(fast))
         rule = f"angular velocity must be in rad/s (below {_LARGEST_RATE_RADPS:g})"
         raise DataError(path, rule, row=int(table.lines[k]), field="w", value=gyro[k].tolist())
-    return ImuSamples(table.t_ns, gyro, accel), table.n_repeated
+    return ImuSamples(table.t_ns, gyro, accel), table

@@ -1,8 +1,8 @@
 """The ``data.csv`` of ASL folders: a stamp in nanoseconds, then columns; read strictly.
 
 Stamps go from text to int64 without a float in between, which would round them to
-multiples of 256 ns. Byte-order marks, CRLF line ends, blank lines and one trailing comma
-are let pass; everything else that is odd raises DataError with the line of the file.
+multiples of 256 ns. Byte-order marks, CRLF line ends and blank lines are let pass;
+everything else that is odd raises DataError with the line of the file.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from ..so3 import Array
 
 _INTEGER = re.compile(r"[0-9]{1,19}")
 _DECIMAL = re.compile(r"[0-9]+\.[0-9]*([eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+")
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+# One way to match only: with two, a long row of digits takes time by its square.
+_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _LARGEST_NS = int(np.iinfo(np.int64).max)
 
 # Stamps that fall into the years 2000 to 2100 when read in another unit, and whose whole
@@ -42,6 +43,7 @@ class Table:
     t_ns : (M,) int64 stamps, strictly increasing
     fields : the text of the columns after the stamp, one tuple a row
     n_repeated : rows left out because they repeat the row before them letter by letter
+    n_unsorted : rows of the file with an earlier stamp than the row before them
     """
 
     path: Path
@@ -50,6 +52,7 @@ class Table:
     t_ns: NDArray[np.int64]
     fields: tuple[tuple[str, ...], ...]
     n_repeated: int
+    n_unsorted: int = 0
 
     def numbers(self) -> Array:
         """(M, columns - 1) finite numbers after the stamp; DataError names line and column."""
@@ -77,11 +80,14 @@ def _is_finite(text: str) -> bool:
     return _NUMBER.fullmatch(text) is not None and isfinite(float(text))
 
 
-def read_table(path: Path, widths: Collection[int], *, drop_repeated: bool = False) -> Table:
+def read_table(
+    path: Path, widths: Collection[int], *, drop_repeated: bool = False, sort: bool = False
+) -> Table:
     """Read a ``data.csv`` whose rows have one of the allowed ``widths``, stamp included.
 
     ``drop_repeated`` leaves out rows equal to the row before them and counts them; without
-    it, and for equal stamps on different rows, a repeated stamp is an error.
+    it, and for equal stamps on different rows, a repeated stamp is an error. ``sort`` puts
+    rows in order of their stamps and counts those that were not; without it they are an error.
 
     Raises
     ------
@@ -96,27 +102,35 @@ def read_table(path: Path, widths: Collection[int], *, drop_repeated: bool = Fal
     if width not in widths:
         allowed = " or ".join(str(w) for w in sorted(widths))
         raise DataError(path, f"must have {allowed} columns", row=rows[0][0], value=width)
-    lines: list[int] = []
-    stamps: list[int] = []
-    fields: list[tuple[str, ...]] = []
-    n_repeated = 0
+    stamped: list[tuple[int, int, tuple[str, ...]]] = []
+    n_unsorted = 0
     for line, row in rows:
         if len(row) != width:
             raise DataError(path, f"must have {width} columns like the first row", row=line, value=len(row))
         stamp = _stamp(path, line, row[0])
+        n_unsorted += bool(stamped) and stamp < stamped[-1][0]
+        stamped.append((stamp, line, tuple(row[1:])))
+    if sort:
+        stamped.sort(key=lambda entry: entry[0])
+    lines: list[int] = []
+    stamps: list[int] = []
+    fields: list[tuple[str, ...]] = []
+    n_repeated = 0
+    for stamp, line, values in stamped:
         if stamps and stamp <= stamps[-1]:
             if stamp < stamps[-1]:
                 raise DataError(path, "timestamps must increase", row=line, field="timestamp", value=stamp)
-            if not drop_repeated or tuple(row[1:]) != fields[-1]:
+            if not drop_repeated or values != fields[-1]:
                 rule = "timestamps must not repeat" + (" with other values" if drop_repeated else "")
                 raise DataError(path, rule, row=line, field="timestamp", value=stamp)
             n_repeated += 1
             continue
         lines.append(line)
         stamps.append(stamp)
-        fields.append(tuple(row[1:]))
+        fields.append(values)
     _require_nanoseconds(path, lines[0], stamps[0], stamps[-1])
-    return Table(path, columns, np.array(lines), np.array(stamps, dtype=np.int64), tuple(fields), n_repeated)
+    t_ns = np.array(stamps, dtype=np.int64)
+    return Table(path, columns, np.array(lines), t_ns, tuple(fields), n_repeated, n_unsorted)
 
 
 def _split(path: Path) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
@@ -134,10 +148,10 @@ def _split(path: Path) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
         if not content:
             continue
         row = [field.strip() for field in content.lstrip("#").split(",")]
-        if len(row) > 1 and not row[-1]:
-            row.pop()  # trailing comma
         if content.startswith("#") or (not rows and not columns and "time" in row[0].lower()):
-            columns = columns or tuple(row)
+            columns = columns or tuple(row if row[-1] else row[:-1])
+        elif len(row) > 1 and not row[-1]:
+            raise DataError(path, "row must not end in a comma (is its last value missing?)", row=line)
         else:
             rows.append((line, row))
     return columns, rows

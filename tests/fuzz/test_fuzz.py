@@ -1,0 +1,89 @@
+"""A short run of the fuzzing harness; ``make fuzz`` is the long one, ``docs/fuzzing.csv`` its record."""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from .readers import ROOT, Reader, all_readers, outcome
+from .run import LARGEST_GROWTH_MIB, LONGEST_S
+
+NAMES = [
+    "imu data.csv",
+    "ground truth data.csv",
+    "camera data.csv",
+    "sensor.yaml",
+    "image",
+    "npz",
+    "config yaml",
+    "zip of a sequence",
+    "euroc_sources.csv",
+]
+
+
+@pytest.fixture(scope="module")
+def readers() -> Iterator[dict[str, Reader]]:
+    with all_readers() as readers:
+        yield readers
+
+
+def test_all_readers_are_fuzzed(readers: dict[str, Reader]) -> None:
+    assert list(readers) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_valid_files_are_accepted_and_spoilt_ones_mostly_refused(
+    readers: dict[str, Reader], name: str
+) -> None:
+    """Catches a harness that fuzzes nothing: seeds that are refused, or mutations that spoil nothing."""
+    reader = readers[name]
+    assert outcome(reader, reader.seeds[0]) == "accepted"
+    found = [outcome(reader, reader.input(seed)) for seed in range(200)]
+    assert 0 < found.count("accepted") < 150
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_spoilt_file_is_accepted_or_refused(readers: dict[str, Reader], name: str) -> None:
+    """Catches any exception but VigaugeError, and an input that takes seconds."""
+    reader = readers[name]
+
+    @settings(max_examples=150, database=None)
+    @given(seed=st.integers(min_value=0, max_value=2**40))
+    def check(seed: int) -> None:
+        begin = time.process_time()
+        outcome(reader, reader.input(seed))
+        assert time.process_time() - begin < LONGEST_S
+
+    check()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_random_bytes_are_accepted_or_refused(readers: dict[str, Reader], name: str) -> None:
+    reader = readers[name]
+
+    @settings(max_examples=40, database=None)
+    @given(data=st.binary(max_size=200), at=st.integers(0, 200), seed=st.integers(0, 3))
+    def check(data: bytes, at: int, seed: int) -> None:
+        valid = reader.seeds[seed % len(reader.seeds)]
+        outcome(reader, data)
+        outcome(reader, valid[:at] + data + valid[at:])
+
+    check()
+
+
+def test_record_of_the_long_run_shows_no_crash() -> None:
+    """Catches a record that was not made anew for a new reader, or that hides a failure."""
+    with (ROOT / "docs" / "fuzzing.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["reader"] for row in rows if row["driver"] == "mutation"} == set(NAMES)
+    for row in rows:
+        assert int(row["inputs"]) >= (100_000 if row["driver"] == "mutation" else 1), row
+        assert int(row["accepted"]) + int(row["refused"]) == int(row["inputs"])
+        assert int(row["crashes"]) == 0
+        assert float(row["longest_s"]) <= LONGEST_S
+        assert float(row["peak_memory_growth_mib"]) <= LARGEST_GROWTH_MIB
