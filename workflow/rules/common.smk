@@ -91,10 +91,23 @@ LEDGER_FILES = [
     "claims.md",
     "claims_why.csv",
     "claims_statistics.csv",
+    "comparison.csv",
+    "comparison.md",
+    "comparison_why.csv",
     "summary.md",
     "environment.json",
 ]
 SUMMARY_FILES = ["table2", "table3", "fig07_simulation_cost", "fig11_euroc_cost"]
+COMPARED_FIGURES = ["fig04", "fig05", "fig06", "fig07", "fig11"]
+COMPARED_FILES = [
+    "table2",
+    "table3",
+    "fig04_prior_weight_rmse",
+    "fig05_prior_weight_cost",
+    "fig06_prior_error_paths",
+    "fig07_simulation_cost",
+    "fig11_euroc_cost",
+]
 SHOW_PUBLISHED = config["figures"]["show_published"]
 PUBLISHED_FLAG = f"--published {PUBLISHED_FOLDER}" if SHOW_PUBLISHED else ""
 # Stand-ins and other sequences are not set beside the paper's EuRoC results.
@@ -163,9 +176,13 @@ def noise_models(wildcards):
     return sequence_section(wildcards.sequence, "noise")
 
 
-def headline_noise(wildcards):
+def headline_of(name):
     """The noise model of a sequence's headline results, as JSON."""
-    return json.dumps(json.loads(noise_models(wildcards))["headline"], sort_keys=True)
+    return json.dumps(json.loads(sequence_section(name, "noise"))["headline"], sort_keys=True)
+
+
+def headline_noise(wildcards):
+    return headline_of(wildcards.sequence)
 
 
 def ground_truth_folder(name, purpose):

@@ -337,6 +337,39 @@ rule claims:
         " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q} {params.sensitivity} --log {log:q}"
 
 
+rule comparison:
+    input:
+        f"{OUT}/table2.csv",
+        f"{OUT}/table3.csv",
+        expand("{folder}/{name}.csv", folder=OUT, name=[FIGURES[key] for key in COMPARED_FIGURES]),
+        expand("data/reasons/{name}.csv", name=[*ACCURACY_REASONS, "squared", "squared_paths"]),
+        published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
+        code=code_of("comparison"),
+    output:
+        csv=report(f"{OUT}/comparison.csv", caption="../report/comparison.rst", category="Claims"),
+        md=f"{OUT}/comparison.md",
+        why=report(f"{OUT}/comparison_why.csv", caption="../report/comparison_why.rst", category="Claims"),
+    log:
+        "logs/paper/comparison.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        artefacts=folder_of_output,
+        published=folder_of_published,
+        source=SOURCE_OF_CLAIMS,
+        names=[
+            f"{name}={PUBLISHED_NAMES[name]}"
+            for name in (PAPER_SEQUENCES if SEQUENCES_ARE_PUBLISHED else [])
+        ],
+        drawn=MACHINE_HALL,
+    message:
+        "Published numbers and ours, with ratios"
+    shell:
+        "python -m vigauge.cli.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
+        " --reasons data/reasons --source {params.source} --published-names {params.names:q}"
+        " --drawn {params.drawn} --output {output.csv:q} --why {output.why:q} --log {log:q}"
+
+
 rule summary:
     input:
         f"{OUT}/table2.csv",
