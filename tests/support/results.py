@@ -194,6 +194,19 @@ def reasons() -> dict[str, pd.DataFrame]:
                 "with_exchanged_pair": 1e-3,
             }
         ),
+        "iteration_time": pd.DataFrame(
+            [
+                {"n_keyframes": 10, "what": what, "repeat": repeat, "seconds": seconds * (1 + 0.01 * repeat)}
+                for what, seconds in (
+                    ("fix", 1.00e-3),
+                    ("free", 1.02e-3),
+                    ("prior", 1.02e-3),
+                    ("dense 9N", 2.0e-4),
+                    ("dense 9N - 4", 1.8e-4),
+                )
+                for repeat in range(4)
+            ]
+        ),
         "first_step": pd.DataFrame(
             [{"experiment": name, "weight": 1e5, "damping_weight": 1e4} for name in names] + published
         ),

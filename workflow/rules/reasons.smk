@@ -12,6 +12,7 @@ REASONS = [
     "exchange",
     "first_step",
 ]
+ITERATION_TIME = "iteration_time"
 ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths"]
 
 
@@ -87,3 +88,28 @@ rule reasons_accuracy:
         " --covariances {params.covariances:q} --noise {params.noise:q} --published {params.published:q}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --settings {params.settings:q}"
         " --output {params.output:q} --log {log:q}"
+
+
+# Times, and so in a folder of its own: everything in data/reasons is the same bytes again.
+rule reasons_time:
+    input:
+        code=code_of("reasons_time"),
+    output:
+        f"data/timing_reasons/{ITERATION_TIME}.csv",
+    log:
+        "logs/reasons_time.log",
+    conda:
+        "../envs/vigauge.yaml"
+    threads: WHOLE_MACHINE
+    params:
+        configuration=config["prior"]["sweep_configuration"],
+        simulation=section("simulation"),
+        solver=section("solver"),
+        weight=config["prior"]["weight"],
+        settings=section("iteration_time"),
+    message:
+        "What fixation saves of an iteration"
+    shell:
+        "python -m vigauge.cli.reasons_time --configuration {params.configuration}"
+        " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
+        " --settings {params.settings:q} --output {output:q} --log {log:q}"

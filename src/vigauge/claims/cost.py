@@ -104,6 +104,7 @@ COST = (
         "ratios 1.000 to 1.026",
         "interval of the median paired ratio to fix above 1, for free and for prior, over all configurations",
         _fixation_is_fastest_an_iteration,
+        reasons.iteration_time,
     ),
     Claim(
         "prior-cost",
