@@ -254,3 +254,28 @@ def test_computed_sketches_keep_what_they_show(tmp_path: Path) -> None:
     vectors = pd.read_csv(tmp_path / "carried.csv").query("kind == 'vector'").set_index("curve")
     assert np.ptp(vectors["s"]) < 1e-12
     assert vectors.loc["projected", "alpha_rad"] != vectors.loc["carried", "alpha_rad"]
+
+
+def test_the_paper_stands_beside_ours(written: Path, texts: list[str]) -> None:
+    """A switch that shows nothing; ours labelled as the paper's."""
+    matrices.draw_covariances(
+        written / "covariance.npz", written / "x", "simulation", PUBLISHED / "fig09.npz"
+    )
+    ellipses.draw_ellipses(
+        written / "covariance.npz", written / "y", "euroc", PUBLISHED / "fig01_euroc_ellipses.csv"
+    )
+    for name in ("(d) Paper, free", "(f) Paper, fixed", "Paper, transformed free"):
+        assert name in texts
+
+
+def test_published_ellipses_have_deviations_and_their_longer_axis() -> None:
+    """Catches variances drawn as lengths, and x taken for y."""
+    file = PUBLISHED / "fig01_euroc_ellipses.csv"
+    p_W, found = ellipses.published_ellipses(file, "free")
+    row = pd.read_csv(file).query("curve == 'free' and record == 'ellipse' and keyframe == 3").iloc[0]
+    assert tuple(p_W[3]) == (row["x"], row["y"])
+    assert found[3]["semi_major_m"] ** 2 == pytest.approx(row["var_x_m2"])
+    assert found[3]["semi_minor_m"] ** 2 == pytest.approx(row["var_y_m2"])
+    assert found[3]["angle_rad"] == 0.0
+    held = ellipses.published_ellipses(file, "fixed")[1][0]
+    assert held["semi_major_m"] < 1e-6

@@ -89,6 +89,7 @@ SENSITIVITY = "data/sensitivity/summary.csv"
 LEDGER_FILES = [
     "claims.csv",
     "claims.md",
+    "claims.html",
     "claims_why.csv",
     "claims_statistics.csv",
     "comparison.csv",
@@ -274,6 +275,20 @@ def folder_of_published(wildcards, input):
     return os.path.dirname(input.published[0])
 
 
-def published(*names):
+def published_files(*names):
     """Files of the paper's numbers that a rule shows, so that a correction of one reruns it."""
-    return [f"{PUBLISHED_FOLDER}/{name}.csv" for name in names] if SHOW_PUBLISHED else []
+    return [f"{PUBLISHED_FOLDER}/{name}" for name in names] if SHOW_PUBLISHED else []
+
+
+def published(*names):
+    """The same, by the names of their CSV."""
+    return published_files(*(f"{name}.csv" for name in names))
+
+
+def published_on_sequences(*names):
+    """The same, where the sequences are the paper's: nothing else is set beside its EuRoC results."""
+    return published_files(*names) if SEQUENCES_ARE_PUBLISHED else []
+
+
+def published_file_flag(wildcards, input):
+    return f"--published-file {input.published[0]}" if input.published else ""

@@ -15,6 +15,15 @@ FIGURES = {
     "fig11": "fig11_euroc_cost",
 }
 
+# What shows a claim: names as the ledger has them.
+EVIDENCE = {
+    **{f"table{number}": f"{OUT}/table{number}.csv" for number in (1, 2, 3)},
+    **{key: f"{OUT}/{name}.png" for key, name in FIGURES.items()},
+    "claims_statistics": f"{OUT}/claims_statistics.csv",
+    **{name: f"data/reasons/{name}.csv" for name in REASONS},
+    ITERATION_TIME: f"data/timing_reasons/{ITERATION_TIME}.csv",
+}
+
 
 rule environment:
     input:
@@ -113,6 +122,7 @@ rule table3:
 rule figure_ellipses:
     input:
         covariance=f"data/covariance/{MACHINE_HALL}.npz",
+        published=published_on_sequences("fig01_euroc_ellipses.csv"),
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig01']}.png", caption="../report/fig01.rst", category="Figures"),
@@ -123,11 +133,12 @@ rule figure_ellipses:
         "../envs/vigauge.yaml"
     params:
         source=SOURCE_OF_SEQUENCES,
+        published=published_file_flag,
     message:
         "Figure 1"
     shell:
         "python -m vigauge.cli.figure_covariance --kind ellipses --covariance {input.covariance:q}"
-        " --source {params.source} --output {output.png:q} --log {log:q}"
+        " --source {params.source} {params.published} --output {output.png:q} --log {log:q}"
 
 
 rule figure_orbit:
@@ -235,6 +246,7 @@ rule figure_simulation_cost:
 rule figure_covariance_simulation:
     input:
         covariance=f"data/covariance/{config['prior']['sweep_configuration']}.npz",
+        published=published_files("fig09.npz"),
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig09']}.png", caption="../report/fig09.rst", category="Figures"),
@@ -243,16 +255,19 @@ rule figure_covariance_simulation:
         "logs/paper/fig09.log",
     conda:
         "../envs/vigauge.yaml"
+    params:
+        published=published_file_flag,
     message:
         "Figure 9"
     shell:
         "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
-        " --source simulation --output {output.png:q} --log {log:q}"
+        " --source simulation {params.published} --output {output.png:q} --log {log:q}"
 
 
 rule figure_covariance_sequence:
     input:
         covariance=f"data/covariance/{VICON_ROOM}.npz",
+        published=published_on_sequences("fig10.npz"),
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig10']}.png", caption="../report/fig10.rst", category="Figures"),
@@ -263,11 +278,12 @@ rule figure_covariance_sequence:
         "../envs/vigauge.yaml"
     params:
         source=SOURCE_OF_SEQUENCES,
+        published=published_file_flag,
     message:
         "Figure 10"
     shell:
         "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
-        " --source {params.source} --output {output.png:q} --log {log:q}"
+        " --source {params.source} {params.published} --output {output.png:q} --log {log:q}"
 
 
 rule figure_sequence_cost:
@@ -328,6 +344,7 @@ rule claims:
         sequences=PAPER_SEQUENCES,
         source=SOURCE_OF_CLAIMS,
         criteria=section("claims"),
+        evidence=[f"{name}={file}" for name, file in EVIDENCE.items()],
         sensitivity=sensitivity_flag(),
         sensitivity_digest=sensitivity_digest(),
     message:
@@ -338,7 +355,30 @@ rule claims:
         " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --sequences {params.sequences:q}"
         " --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q}"
-        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q} {params.sensitivity} --log {log:q}"
+        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q}"
+        " --evidence {params.evidence:q} {params.sensitivity} --log {log:q}"
+
+
+rule claims_page:
+    input:
+        list(EVIDENCE.values()),
+        claims=f"{OUT}/claims.csv",
+        why=f"{OUT}/claims_why.csv",
+        code=code_of("claims_page"),
+    output:
+        report(f"{OUT}/claims.html", caption="../report/claims_page.rst", category="Claims"),
+    log:
+        "logs/paper/claims_page.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        evidence=[f"{name}={file}" for name, file in EVIDENCE.items()],
+        source=SOURCE_OF_CLAIMS,
+    message:
+        "The ledger as a page with its evidence"
+    shell:
+        "python -m vigauge.cli.claims_page --claims {input.claims:q} --why {input.why:q}"
+        " --evidence {params.evidence:q} --output {output:q} --log {log:q}"
 
 
 rule comparison:

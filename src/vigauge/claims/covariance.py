@@ -84,6 +84,7 @@ def _ellipses(e: Evidence) -> Finding:
 COVARIANCE = (
     Claim(
         "fixed-grows",
+        ("fig09",),
         "VI-A, Fig. 9",
         "Under fixation the first position's uncertainty is zero, and it increases afterwards",
         "shown",
@@ -92,6 +93,7 @@ COVARIANCE = (
     ),
     Claim(
         "fixed-grows-euroc",
+        ("fig01",),
         "VI-A, Figs. 1, 10",
         "The same on EuRoC",
         "shown",
@@ -100,6 +102,7 @@ COVARIANCE = (
     ),
     Claim(
         "free-spreads",
+        ("fig01", "fig09", "fig10"),
         "VI-A, Figs. 1, 9, 10",
         "In the free gauge the uncertainty is spread over all positions",
         "ratio 2.2 (Fig. 1, x)",
@@ -108,6 +111,7 @@ COVARIANCE = (
     ),
     Claim(
         "prior-covariance",
+        ("fig09", "first_step"),
         "VI-A",
         "With a high weight the prior's covariance is similar to fixation's",
         "similar",
@@ -117,6 +121,7 @@ COVARIANCE = (
     ),
     Claim(
         "identity",
+        ("fig09", "fig10"),
         "VI-B",
         "The transformed free covariance is that of the gauge, Eq. (12)",
         "agrees well",
@@ -125,6 +130,7 @@ COVARIANCE = (
     ),
     Claim(
         "transformed-simulation",
+        ("fig09", "exchange"),
         "VI-B, Fig. 9",
         "Transformed and fixed covariance differ little",
         "0.11 %",
@@ -134,6 +140,7 @@ COVARIANCE = (
     ),
     Claim(
         "transformed-euroc",
+        ("fig10", "exchange"),
         "VI-B, Fig. 10",
         "The same on EuRoC V1",
         "0.02 %",
@@ -143,6 +150,7 @@ COVARIANCE = (
     ),
     Claim(
         "ellipses-euroc",
+        ("fig01",),
         "Fig. 1",
         "Transformed position uncertainties agree well with fixation's on EuRoC MH",
         "within 5.8 %",

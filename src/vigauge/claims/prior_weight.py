@@ -145,6 +145,7 @@ def _unstable(e: Evidence) -> Finding:
 PRIOR_WEIGHT = (
     Claim(
         "weight-accuracy",
+        ("fig04", "tolerance"),
         "V-A, Fig. 4",
         "Errors of different prior weights are very similar",
         "spans 0.005 to 0.02 %",
@@ -154,6 +155,7 @@ PRIOR_WEIGHT = (
     ),
     Claim(
         "weight-accuracy-settles",
+        ("fig04", "tolerance"),
         "V-A, Fig. 4",
         "The RMSE stabilises above a threshold of the prior weight",
         "1e-7 from 1e4 on",
@@ -163,6 +165,7 @@ PRIOR_WEIGHT = (
     ),
     Claim(
         "weight-peak",
+        ("fig05", "plateau", "squared"),
         "V-A, Fig. 5",
         "Iterations peak between weight zero and the threshold",
         "4 at 0, 12 at 7, 5 at 5000",
@@ -172,6 +175,7 @@ PRIOR_WEIGHT = (
     ),
     Claim(
         "weight-cost-settles",
+        ("fig05", "plateau", "squared"),
         "V-A, Fig. 5",
         "Iterations stabilise above a threshold of the prior weight",
         "5 from 500 on",
@@ -181,6 +185,7 @@ PRIOR_WEIGHT = (
     ),
     Claim(
         "regime-large",
+        ("fig06",),
         "V-A, Fig. 6",
         "Large weights keep the prior error almost at zero while the reprojection error falls",
         "1e-11 of free's at 1e8",
@@ -189,6 +194,7 @@ PRIOR_WEIGHT = (
     ),
     Claim(
         "regime-small",
+        ("fig06", "first_step", "squared_paths"),
         "V-A, Fig. 6",
         "Weights of 50-500 cut the reprojection error in two iterations, then move along the orbit",
         "0.02 %, 60 % (position), 1 % at 100",
@@ -198,6 +204,7 @@ PRIOR_WEIGHT = (
     ),
     Claim(
         "regime-zero",
+        ("fig06",),
         "V-A, Fig. 6",
         "The free gauge behaves as weight zero",
         "stated",
@@ -206,6 +213,7 @@ PRIOR_WEIGHT = (
     ),
     Claim(
         "large-weights-unstable",
+        ("weights", "first_step"),
         "V-A",
         "Extremely large weights sometimes make the optimisation unstable",
         "sometimes",

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
 
 import pandas as pd
 
 from vigauge.claims import Criteria, Evidence, explanations, ledger, paired_statistics
+from vigauge.claims.page import evidence_links
 from vigauge.claims.sensitivity import ranges
 from vigauge.cli.artefacts import named_file
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
@@ -47,7 +49,9 @@ def work(options: argparse.Namespace) -> None:
     write_rows(options.output, rows)
     write_rows(options.why, why)
     write_rows(options.statistics, paired_statistics(evidence))
-    page = markdown(rows, note) + "\n## Why\n\n" + markdown(why)
+    files = dict(options.evidence)
+    shown = [{**row, "evidence": _links(str(row["id"]), files, options.output.parent)} for row in rows]
+    page = markdown(shown, note) + "\n## Why\n\n" + markdown(why)
     if options.sensitivity:
         page += "\n## Where in the range of our assumptions\n\n" + _ranges(options.sensitivity)
     write_text(options.output.with_suffix(".md"), page)
@@ -55,13 +59,21 @@ def work(options: argparse.Namespace) -> None:
         LOG.info("%-10s %s: %s", row["verdict"], row["claim"], row["measured"])
 
 
+def _links(claim: str, files: dict[str, Path], folder: Path) -> str:
+    """Evidence of a claim as links from ``folder``, where the page is."""
+    links = (f"[{name}]({os.path.relpath(files[name], folder)})" for name in evidence_links(claim, files))
+    return ", ".join(links)
+
+
 def _ranges(summary: Path) -> str:
     """The sensitivity sweep: where each claim holds, and how near Table II each setting comes."""
     table = pd.read_csv(summary, dtype={"value": str})
     columns = ["parameter", "value", "rmse_ratio", "rmse_ratio_low", "rmse_ratio_high", "rmse_score"]
     near = table[columns].drop_duplicates().to_dict("records")
-    note = "RMSE of fixation over the paper's Table II: geometric mean, smallest and largest of 18, "
+    note = (
+        "RMSE of fixation over the paper's Table II: geometric mean, smallest and largest of 18, "
         "and the mean of |log ratio|, by which the defaults were chosen."
+    )
     return (
         markdown(ranges(table)) + "\n" + markdown([{str(k): v for k, v in row.items()} for row in near], note)
     )
@@ -89,6 +101,9 @@ def main() -> None:
     arguments.add_argument("--output", type=Path, required=True, help="claims.csv; claims.md goes beside it")
     arguments.add_argument("--why", type=Path, required=True, help="output: reason of each claim")
     arguments.add_argument("--statistics", type=Path, required=True, help="output: paired differences")
+    arguments.add_argument(
+        "--evidence", type=named_file, nargs="*", default=[], help="NAME=FILE of evidence to link to"
+    )
     arguments.add_argument(
         "--sensitivity", type=Path, help="summary of the sensitivity sweep, if there is one"
     )
