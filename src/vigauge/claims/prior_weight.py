@@ -35,14 +35,15 @@ def _weight_hardly_matters(e: Evidence) -> Finding:
 
 def _errors_settle(e: Evidence) -> Finding:
     means = _means(e)[list(ERRORS)]
+    allowed = e.criteria.settled_span * (means.max() - means.min())
     start = means.index[-1]
     for position in range(len(means) - 1, -1, -1):
         tail = means.iloc[position:]
-        if float(((tail.max() - tail.min()) / tail.mean()).max()) > e.criteria.settled_span:
+        if bool((tail.max() - tail.min() > allowed).any()):
             break
         start = means.index[position]
     last = means.index[-1]
-    text = f"within {e.criteria.settled_span:g} of each other from {start} to {last}"
+    text = f"within {100 * e.criteria.settled_span:g} % of the span over all weights from {start} to {last}"
     return text, start != means.index[0] and _decades(start, last) >= 1.0
 
 
@@ -149,7 +150,7 @@ PRIOR_WEIGHT = (
         "V-A, Fig. 4",
         "Errors of different prior weights are very similar",
         "spans 0.005 to 0.02 %",
-        "relative span of the mean RMSE over all weights below the stated one",
+        "relative span of the mean RMSE over all weights below what counts as the same accuracy",
         _weight_hardly_matters,
         reasons.tolerance,
     ),
@@ -159,7 +160,7 @@ PRIOR_WEIGHT = (
         "V-A, Fig. 4",
         "The RMSE stabilises above a threshold of the prior weight",
         "1e-7 from 1e4 on",
-        "from some weight on, for at least a decade to the largest, relative span below the stated one",
+        "from some weight on, for at least a decade, span at most the stated share of that over all weights",
         _errors_settle,
         reasons.tolerance,
     ),

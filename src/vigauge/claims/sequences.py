@@ -61,7 +61,7 @@ SEQUENCES = (
         "VII, Fig. 11",
         "Free is faster than the other two on EuRoC",
         "median ratios 0.81 to 0.93",
-        "intervals of the median paired ratio of times below 1 on both sequences, to fix and to prior",
+        "intervals over repeats of the median paired ratio of times below 1, to fix and to prior, on both",
         _time,
     ),
     Claim(

@@ -40,9 +40,10 @@ def work(options: argparse.Namespace) -> None:
         f"Intervals at {100 * criteria.confidence:g} %, bootstrapped over trials. Margins: accuracy "
         f"{100 * criteria.accuracy_margin:g} %, cost {100 * criteria.cost_margin:g} %, covariance "
         f"{100 * criteria.covariance_margin:g} %; RMSE over prior weights {100 * criteria.sweep_span:g} %, "
-        f"settled {criteria.settled_span:g}. Times: {machine['processor']}, {machine['cores']} cores, BLAS "
-        "on one thread. Paired differences with effect sizes: claims_statistics.csv; tables of the "
-        "experiments that explain: data/reasons."
+        f"settled {100 * criteria.settled_span:g} % of their span. Times: {machine['processor']}, "
+        f"{machine['cores']} cores, BLAS on one thread; of a sequence, repeats are drawn instead of trials. "
+        "Paired differences with effect sizes: claims_statistics.csv; tables of the experiments "
+        "that explain: data/reasons."
     )
     verdicts = {row["id"]: row["verdict"] for row in rows}
     why = [{"id": row["id"], "verdict": verdicts[row["id"]], "why": row["why"]} for row in reasons]
