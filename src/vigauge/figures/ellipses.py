@@ -124,8 +124,9 @@ def draw_ellipses(archive: Path, stem: Path, source: str, published: Path | None
     scale = enlargement(extent, largest)
     height = _height(curves["free"][0])
     rows = 1 if published is None else 2
-    size = (PAGE, height if published is None else height + 1.7)
-    with new_figure(*size, rows, 2, sharey="row") as (figure, panels):
+    heights = [height, 1.7][:rows]
+    grid = {"height_ratios": heights}
+    with new_figure(PAGE, sum(heights), rows, 2, sharey="row", gridspec_kw=grid) as (figure, panels):
         axes = np.atleast_2d(panels)[0]
         if published is not None:
             _draw_published(panels[1], published)
