@@ -14,14 +14,14 @@ from vigauge.claims.evidence import NoEvidenceError
 from vigauge.claims.statistics import effect_size
 
 CRITERIA = Criteria(
-    accuracy_margin=0.02,
-    cost_margin=0.05,
-    covariance_margin=0.1,
+    accuracy_margin=0.025,
+    cost_margin=0.043,
+    covariance_margin=0.116,
     confidence=0.99,
     resamples=500,
     seed=1,
-    sweep_span=0.02,
-    settled_span=1e-4,
+    sweep_span=0.025,
+    settled_span=0.01,
 )
 
 

@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 
 from support.simulated import scene, trial
-from vigauge.gauge import FreeGauge, PriorGauge, three_gauges
+from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge, three_gauges
 from vigauge.levenberg_marquardt import Options, solve
 from vigauge.reasons.exchange import exchange, exchange_published, exchanged
 from vigauge.reasons.first_step import damping_weight, from_published, from_traces
 from vigauge.reasons.invariance import cost_on_orbit
+from vigauge.reasons.iteration_time import TimeSettings, dense_times, iteration_times
 from vigauge.reasons.solves import damping_of_orbit, plateau, solve_all
 from vigauge.reasons.yaw_drift import yaw_drift
 
@@ -109,3 +110,22 @@ def test_published_pair_is_put_back() -> None:
     row = exchange_published("paper", arrays)
     assert float(str(row["relative_frobenius"])) < 1e-12
     assert float(str(row["with_exchanged_pair"])) > 1e-3
+
+
+def test_iterations_are_timed_at_equal_number() -> None:
+    """Catches runs that end by their tolerance: gauges would be timed over different mixes of iterations."""
+    ticks = iter(range(10_000))
+    settings = TimeSettings(n_keyframes=(10,), iterations=7, repeats=2)
+    rows = iteration_times(
+        trial(), {"fix": FixedGauge(), "free": FreeGauge()}, Options(), settings, lambda: float(next(ticks))
+    )
+    assert [row["what"] for row in rows] == ["fix", "free", "free", "fix"]
+    assert len({row["seconds"] for row in rows}) == 1, "the same clock calls, so the same iterations"
+
+
+def test_dense_solves_of_both_sizes_are_timed() -> None:
+    ticks = iter(range(100))
+    rows = dense_times(3, 2, np.random.default_rng(0), lambda: float(next(ticks)))
+    assert [(row["what"], row["repeat"], row["seconds"]) for row in rows] == [
+        (what, repeat, 1.0) for repeat in (0, 1) for what in ("dense 9N", "dense 9N - 4")
+    ]

@@ -296,3 +296,28 @@ def test_failures_are_counted_where_they_happened(tmp_path: Path, texts: list[st
         cost.cost_rows("arc_plane", run / "arc_plane/solutions.csv", run / "arc_plane/timing.csv")
     )
     assert rows.groupby("gauge")["excluded"].max().to_dict() == {"fix": 3, "free": 0, "prior": 0}
+
+
+def test_the_paper_stands_beside_ours(written: Path, texts: list[str]) -> None:
+    """A switch that shows nothing; ours labelled as the paper's."""
+    matrices.draw_covariances(
+        written / "covariance.npz", written / "x", "simulation", PUBLISHED / "fig09.npz"
+    )
+    ellipses.draw_ellipses(
+        written / "covariance.npz", written / "y", "euroc", PUBLISHED / "fig01_euroc_ellipses.csv"
+    )
+    for name in ("(d) Paper, free", "(f) Paper, fixed", "Paper, transformed free"):
+        assert name in texts
+
+
+def test_published_ellipses_have_deviations_and_their_longer_axis() -> None:
+    """Catches variances drawn as lengths, and x taken for y."""
+    file = PUBLISHED / "fig01_euroc_ellipses.csv"
+    p_W, found = ellipses.published_ellipses(file, "free")
+    row = pd.read_csv(file).query("curve == 'free' and record == 'ellipse' and keyframe == 3").iloc[0]
+    assert tuple(p_W[3]) == (row["x"], row["y"])
+    assert found[3]["semi_major_m"] ** 2 == pytest.approx(row["var_x_m2"])
+    assert found[3]["semi_minor_m"] ** 2 == pytest.approx(row["var_y_m2"])
+    assert found[3]["angle_rad"] == 0.0
+    held = ellipses.published_ellipses(file, "fixed")[1][0]
+    assert held["semi_major_m"] < 1e-6

@@ -81,3 +81,19 @@ def test_camera_looks_ahead():
     R_WB = scene("arc").trajectory.R_WB(DENSE)
     assert R_WB[:, 0, 2].min() > 0.8
     assert R_WB[:, 2, 1].max() < -0.8
+
+
+@pytest.mark.parametrize("shape", ["sine", "arc", "rec"])
+def test_view_turns_with_the_path_by_its_share(shape: str) -> None:
+    """Catches a view that turns the other way, or by another amount than asked for."""
+    t = np.linspace(0.0, SETTINGS.duration_s, 400)
+    still = replace(SETTINGS, rotation_amplitude_deg=0.0)
+    path = make_trajectory(shape, still)
+    heading = np.unwrap(np.arctan2(path.v_W(t)[:, 1], path.v_W(t)[:, 0]))
+    view = make_trajectory(shape, replace(still, view_follows_path=0.5)).R_WB(t)[:, :, 2]
+    yaw = np.unwrap(np.arctan2(view[:, 1], view[:, 0]))
+    assert np.abs(view[:, 2]).max() < 1e-6, "the view stays level"
+    middle = slice(20, -20)  # the heading at the ends is one-sided
+    turned = yaw[middle] - yaw[200]
+    assert np.abs(turned - 0.5 * (heading[middle] - heading[200])).max() < 0.12
+    assert np.ptp(turned) > 0.3 * np.ptp(heading[middle])

@@ -32,6 +32,7 @@ SETTINGS = SimulationSettings(
     gyro_bias_radps=(0.01, -0.02, 0.03),
     accel_bias_mps2=(0.1, -0.05, 0.08),
     rotation_amplitude_deg=12.0,
+    view_follows_path=0.0,
     gravity_mps2=9.81,
     perturb_position_m=0.05,
     perturb_rotation_deg=6.0,

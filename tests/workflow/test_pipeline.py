@@ -17,6 +17,8 @@ from .conftest import ROOT, make_project, snakemake
 
 pytestmark = pytest.mark.workflow
 
+OUT = "paper_figures"
+
 TABLES = {
     "table1.csv": ["gauge", "parameters", "hessian_rows", "hessian_rank"],
     "table2.csv": ["configuration", "gauge", "p_rmse_m", "phi_rmse_deg", "v_rmse_mps"],
@@ -252,16 +254,50 @@ def test_same_config_gives_the_same_bytes(tmp_path: Path, smoke_project: Path) -
     folder = make_project(tmp_path / "project")
     targets = [f"data/solutions/arc_random/{name}" for name in ("solutions.csv", "trace.csv", "states.npz")]
     targets += ["data/simulation/arc_random/problems.npz", "data/covariance/arc_random.npz"]
+    targets += [f"data/reasons/{file.name}" for file in (smoke_project / "data" / "reasons").iterdir()]
+    assert "data/reasons/accuracy.csv" in targets and "data/reasons/squared_paths.csv" in targets
     done = snakemake(folder, *targets)
     assert done.returncode == 0, done.stderr[-3000:]
     for target in targets:
         assert (folder / target).read_bytes() == (smoke_project / target).read_bytes(), target
 
 
+def test_ledger_judged_again_is_the_same_bytes(tmp_path: Path, smoke_project: Path) -> None:
+    """Hidden state in the ledger, such as a bootstrap that is not seeded: same files, same verdicts."""
+    again = shutil.copytree(smoke_project, tmp_path / "project", symlinks=True)
+    names = ["claims.csv", "claims_why.csv", "claims_statistics.csv", "comparison.csv", "claims.html"]
+    targets = [f"{OUT}/claims.html", f"{OUT}/comparison.csv"]
+    done = snakemake(again, *targets, "--forcerun", "claims", "comparison", "claims_page")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "Judging the paper's claims" in done.stdout + done.stderr
+    for name in names:
+        assert (again / OUT / name).read_bytes() == (smoke_project / OUT / name).read_bytes(), name
+
+
+def test_links_of_the_ledger_lead_to_files(smoke_project: Path) -> None:
+    text = (smoke_project / OUT / "claims.md").read_text("utf-8")
+    links = set(re.findall(r"\]\(([^)]+)\)", text))
+    assert len(links) > 20
+    assert not [link for link in links if not (smoke_project / OUT / link).is_file()]
+
+
+def test_published_numbers_stand_beside_ours(smoke_project: Path) -> None:
+    """A comparison that leaves an artefact out, or sets a stand-in beside EuRoC's numbers."""
+    found = rows(smoke_project / OUT / "comparison.csv")
+    columns = ["artefact", "case", "gauge", "quantity", "published", "ours", "ratio"]
+    assert list(found[0]) == [*columns, "outside_factor_two", "explained_by"]
+    assert {row["artefact"] for row in found} == {"table2", "fig04", "fig05", "fig06", "fig07"}
+    assert all(bool(row["explained_by"]) == (row["outside_factor_two"] == "True") for row in found)
+
+
 def test_report_builds_with_every_caption(smoke_project: Path) -> None:
     done = snakemake(smoke_project, "--report", "report.html")
     assert done.returncode == 0, done.stderr[-3000:]
-    assert (smoke_project / "report.html").stat().st_size > 100_000
+    report = (smoke_project / "report.html").read_text("utf-8")
+    assert len(report) > 100_000
+    # The page with the evidence opens inside the report: it is there as HTML.
+    start = report.index('"paper_figures/claims.html": {')
+    assert re.search(r'"mime_type": "text/html".*?"data_uri": "data:text/html', report[start : start + 2000])
 
 
 def test_standard_entry_makes_the_same(smoke_project: Path) -> None:

@@ -99,12 +99,26 @@ SENSITIVITY_STAMP = "data/sensitivity/summary.stamp.json"
 LEDGER_FILES = [
     "claims.csv",
     "claims.md",
+    "claims.html",
     "claims_why.csv",
     "claims_statistics.csv",
+    "comparison.csv",
+    "comparison.md",
+    "comparison_why.csv",
     "summary.md",
     "environment.json",
 ]
 SUMMARY_FILES = ["table2", "table3", "fig07_simulation_cost", "fig11_euroc_cost"]
+COMPARED_FIGURES = ["fig04", "fig05", "fig06", "fig07", "fig11"]
+COMPARED_FILES = [
+    "table2",
+    "table3",
+    "fig04_prior_weight_rmse",
+    "fig05_prior_weight_cost",
+    "fig06_prior_error_paths",
+    "fig07_simulation_cost",
+    "fig11_euroc_cost",
+]
 SHOW_PUBLISHED = config["figures"]["show_published"]
 PUBLISHED_FLAG = f"--published {PUBLISHED_FOLDER}" if SHOW_PUBLISHED else ""
 # Stand-ins and other sequences are not set beside the paper's EuRoC results.
@@ -174,9 +188,13 @@ def noise_models(wildcards):
     return sequence_section(wildcards.sequence, "noise")
 
 
-def headline_noise(wildcards):
+def headline_of(name):
     """The noise model of a sequence's headline results, as JSON."""
-    return json.dumps(json.loads(noise_models(wildcards))["headline"], sort_keys=True)
+    return json.dumps(json.loads(sequence_section(name, "noise"))["headline"], sort_keys=True)
+
+
+def headline_noise(wildcards):
+    return headline_of(wildcards.sequence)
 
 
 def ground_truth_folder(name, purpose):
@@ -300,6 +318,20 @@ def folder_of_published(wildcards, input):
     return os.path.dirname(input.published[0])
 
 
-def published(*names):
+def published_files(*names):
     """Files of the paper's numbers that a rule shows, so that a correction of one reruns it."""
-    return [f"{PUBLISHED_FOLDER}/{name}.csv" for name in names] if SHOW_PUBLISHED else []
+    return [f"{PUBLISHED_FOLDER}/{name}" for name in names] if SHOW_PUBLISHED else []
+
+
+def published(*names):
+    """The same, by the names of their CSV."""
+    return published_files(*(f"{name}.csv" for name in names))
+
+
+def published_on_sequences(*names):
+    """The same, where the sequences are the paper's: nothing else is set beside its EuRoC results."""
+    return published_files(*names) if SEQUENCES_ARE_PUBLISHED else []
+
+
+def published_file_flag(wildcards, input):
+    return f"--published-file {input.published[0]}" if input.published else ""

@@ -15,6 +15,15 @@ FIGURES = {
     "fig11": "fig11_euroc_cost",
 }
 
+# What shows a claim: names as the ledger has them.
+EVIDENCE = {
+    **{f"table{number}": f"{OUT}/table{number}.csv" for number in (1, 2, 3)},
+    **{key: f"{OUT}/{name}.png" for key, name in FIGURES.items()},
+    "claims_statistics": f"{OUT}/claims_statistics.csv",
+    **{name: f"data/reasons/{name}.csv" for name in REASONS},
+    ITERATION_TIME: f"data/timing_reasons/{ITERATION_TIME}.csv",
+}
+
 
 rule environment:
     input:
@@ -121,6 +130,7 @@ rule figure_ellipses:
     input:
         covariance=f"data/covariance/{MACHINE_HALL}.npz",
         stamps=f"data/covariance/{MACHINE_HALL}.stamp.json",
+        published=published_on_sequences("fig01_euroc_ellipses.csv"),
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig01']}.png", caption="../report/fig01.rst", category="Figures"),
@@ -131,11 +141,12 @@ rule figure_ellipses:
         "../envs/vigauge.yaml"
     params:
         source=SOURCE_OF_SEQUENCES,
+        published=published_file_flag,
     message:
         "Figure 1"
     shell:
         "python -m vigauge.cli.figure_covariance --kind ellipses --covariance {input.covariance:q}"
-        " --source {params.source} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_orbit:
@@ -248,6 +259,7 @@ rule figure_covariance_simulation:
     input:
         covariance=f"data/covariance/{config['prior']['sweep_configuration']}.npz",
         stamps=f"data/covariance/{config['prior']['sweep_configuration']}.stamp.json",
+        published=published_files("fig09.npz"),
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig09']}.png", caption="../report/fig09.rst", category="Figures"),
@@ -256,17 +268,20 @@ rule figure_covariance_simulation:
         "logs/paper/fig09.log",
     conda:
         "../envs/vigauge.yaml"
+    params:
+        published=published_file_flag,
     message:
         "Figure 9"
     shell:
         "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
-        " --source simulation --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --source simulation {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_covariance_sequence:
     input:
         covariance=f"data/covariance/{VICON_ROOM}.npz",
         stamps=f"data/covariance/{VICON_ROOM}.stamp.json",
+        published=published_on_sequences("fig10.npz"),
         code=code_of("figure_covariance"),
     output:
         png=report(f"{OUT}/{FIGURES['fig10']}.png", caption="../report/fig10.rst", category="Figures"),
@@ -277,11 +292,12 @@ rule figure_covariance_sequence:
         "../envs/vigauge.yaml"
     params:
         source=SOURCE_OF_SEQUENCES,
+        published=published_file_flag,
     message:
         "Figure 10"
     shell:
         "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
-        " --source {params.source} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_sequence_cost:
@@ -314,6 +330,7 @@ rule claims:
         expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
         expand("data/covariance/{name}.npz", name=EXPERIMENTS),
         expand("data/reasons/{name}.csv", name=REASONS),
+        f"data/timing_reasons/{ITERATION_TIME}.csv",
         sweep="data/prior_sweep/sweep.csv",
         sweep_timing="data/prior_sweep/timing.csv",
         sweep_trace="data/prior_sweep/trace.csv",
@@ -340,11 +357,15 @@ rule claims:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
         timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
         covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
-        reasons=expand("{name}=data/reasons/{name}.csv", name=REASONS),
+        reasons=[
+            *expand("{name}=data/reasons/{name}.csv", name=REASONS),
+            f"{ITERATION_TIME}=data/timing_reasons/{ITERATION_TIME}.csv",
+        ],
         sweep_configuration=config["prior"]["sweep_configuration"],
         sequences=PAPER_SEQUENCES,
         source=SOURCE_OF_CLAIMS,
         criteria=section("claims"),
+        evidence=[f"{name}={file}" for name, file in EVIDENCE.items()],
         sensitivity=sensitivity_flag(),
         sensitivity_digest=sensitivity_digest(),
     message:
@@ -355,7 +376,63 @@ rule claims:
         " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --sequences {params.sequences:q}"
         " --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q}"
-        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q} {params.sensitivity} --stamps {input.stamps:q} --log {log:q}"
+        " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q}"
+        " --evidence {params.evidence:q} {params.sensitivity} --stamps {input.stamps:q} --log {log:q}"
+
+
+rule claims_page:
+    input:
+        list(EVIDENCE.values()),
+        claims=f"{OUT}/claims.csv",
+        why=f"{OUT}/claims_why.csv",
+        code=code_of("claims_page"),
+    output:
+        report(f"{OUT}/claims.html", caption="../report/claims_page.rst", category="Claims"),
+    log:
+        "logs/paper/claims_page.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        evidence=[f"{name}={file}" for name, file in EVIDENCE.items()],
+        source=SOURCE_OF_CLAIMS,
+    message:
+        "The ledger as a page with its evidence"
+    shell:
+        "python -m vigauge.cli.claims_page --claims {input.claims:q} --why {input.why:q}"
+        " --evidence {params.evidence:q} --output {output:q} --log {log:q}"
+
+
+rule comparison:
+    input:
+        f"{OUT}/table2.csv",
+        f"{OUT}/table3.csv",
+        expand("{folder}/{name}.csv", folder=OUT, name=[FIGURES[key] for key in COMPARED_FIGURES]),
+        expand("data/reasons/{name}.csv", name=[*ACCURACY_REASONS, "squared", "squared_paths"]),
+        published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
+        code=code_of("comparison"),
+    output:
+        csv=report(f"{OUT}/comparison.csv", caption="../report/comparison.rst", category="Claims"),
+        md=f"{OUT}/comparison.md",
+        why=report(f"{OUT}/comparison_why.csv", caption="../report/comparison_why.rst", category="Claims"),
+    log:
+        "logs/paper/comparison.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        artefacts=folder_of_output,
+        published=folder_of_published,
+        source=SOURCE_OF_CLAIMS,
+        names=[
+            f"{name}={PUBLISHED_NAMES[name]}"
+            for name in (PAPER_SEQUENCES if SEQUENCES_ARE_PUBLISHED else [])
+        ],
+        drawn=MACHINE_HALL,
+    message:
+        "Published numbers and ours, with ratios"
+    shell:
+        "python -m vigauge.cli.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
+        " --reasons data/reasons --source {params.source} --published-names {params.names:q}"
+        " --drawn {params.drawn} --output {output.csv:q} --why {output.why:q} --log {log:q}"
 
 
 rule summary:

@@ -1,6 +1,19 @@
 """Experiments that explain the results: what the ledger gives as its reasons."""
 
-REASONS = ["orbit", "yaw", "damping", "tolerance", "weights", "plateau", "squared", "exchange", "first_step"]
+REASONS = [
+    "orbit",
+    "yaw",
+    "damping",
+    "tolerance",
+    "weights",
+    "plateau",
+    "squared",
+    "squared_paths",
+    "exchange",
+    "first_step",
+]
+ITERATION_TIME = "iteration_time"
+ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths"]
 
 
 rule reasons:
@@ -47,3 +60,63 @@ rule reasons:
         " --sweep-configuration {params.sweep_configuration} --published {params.published:q}"
         " --prior-weight {params.weight} --solver {params.solver:q} --settings {params.settings:q}"
         " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+
+
+rule reasons_accuracy:
+    input:
+        expand("data/sequences/{name}/{file}.npz", name=PAPER_SEQUENCES, file=["problem", "truth"]),
+        expand("data/covariance/{name}.npz", name=EXPERIMENTS),
+        published=expand(
+            "{folder}/{file}",
+            folder=PUBLISHED_FOLDER,
+            file=["fig01_euroc_ellipses.csv", "fig09.npz", "fig10.npz"],
+        ),
+        code=code_of("reasons_accuracy"),
+    output:
+        expand("data/reasons/{name}.csv", name=ACCURACY_REASONS),
+    log:
+        "logs/reasons_accuracy.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        sequences=expand("{name}=data/sequences/{name}/problem.npz", name=PAPER_SEQUENCES),
+        truths=expand("{name}=data/sequences/{name}/truth.npz", name=PAPER_SEQUENCES),
+        covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
+        noise=[f"{name}={headline_of(name)}" for name in PAPER_SEQUENCES],
+        published=folder_of_published,
+        simulation=section("simulation"),
+        solver=section("solver"),
+        settings=section("accuracy"),
+        output=folder_of_output,
+    message:
+        "What the errors depend on"
+    shell:
+        "python -m vigauge.cli.reasons_accuracy --sequences {params.sequences:q} --truths {params.truths:q}"
+        " --covariances {params.covariances:q} --noise {params.noise:q} --published {params.published:q}"
+        " --simulation {params.simulation:q} --solver {params.solver:q} --settings {params.settings:q}"
+        " --output {params.output:q} --log {log:q}"
+
+
+# Times, and so in a folder of its own: everything in data/reasons is the same bytes again.
+rule reasons_time:
+    input:
+        code=code_of("reasons_time"),
+    output:
+        f"data/timing_reasons/{ITERATION_TIME}.csv",
+    log:
+        "logs/reasons_time.log",
+    conda:
+        "../envs/vigauge.yaml"
+    threads: WHOLE_MACHINE
+    params:
+        configuration=config["prior"]["sweep_configuration"],
+        simulation=section("simulation"),
+        solver=section("solver"),
+        weight=config["prior"]["weight"],
+        settings=section("iteration_time"),
+    message:
+        "What fixation saves of an iteration"
+    shell:
+        "python -m vigauge.cli.reasons_time --configuration {params.configuration}"
+        " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
+        " --settings {params.settings:q} --output {output:q} --log {log:q}"

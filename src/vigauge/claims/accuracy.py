@@ -57,6 +57,7 @@ def _prior_is_fixation_within_margin(e: Evidence) -> Finding:
 ACCURACY = (
     Claim(
         "same-accuracy",
+        ("table2", "claims_statistics", "tolerance"),
         "V-B, Table II",
         "Fixation and free gauge have almost the same accuracy",
         "differences up to 1.2 %",
@@ -66,6 +67,7 @@ ACCURACY = (
     ),
     Claim(
         "neither-better",
+        ("table2", "claims_statistics", "tolerance"),
         "V-B, Table II",
         "Neither has the better accuracy in all configurations",
         "mixed",
@@ -75,6 +77,7 @@ ACCURACY = (
     ),
     Claim(
         "prior-fixation-digits",
+        ("table2", "weights", "tolerance"),
         "V-B",
         "Prior at 1e5 and fixation agree to about 8 digits",
         "8 digits",
@@ -84,6 +87,7 @@ ACCURACY = (
     ),
     Claim(
         "prior-fixation",
+        ("table2", "claims_statistics"),
         "V-B",
         "Prior at 1e5 has the accuracy of fixation",
         "identical",

@@ -15,11 +15,13 @@ Finding = tuple[str, bool | None]
 class Claim:
     """One statement of the paper and how it is judged.
 
+    ``evidence`` names what shows it: tables, figures, and tables of the explaining experiments.
     ``judge`` returns what was measured and whether the criterion holds, None for the latter where the
     evidence cannot tell. ``why``: the experiment that explains the outcome, in a sentence with its numbers.
     """
 
     id: str
+    evidence: tuple[str, ...]
     section: str
     claim: str
     published: str

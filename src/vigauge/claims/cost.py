@@ -72,6 +72,7 @@ def _prior_costs_as_fixation(e: Evidence) -> Finding:
 COST = (
     Claim(
         "fewer-iterations",
+        ("fig07", "claims_statistics", "damping"),
         "V-B, Fig. 7",
         "Free takes fewer iterations (all but sine random)",
         "medians 4-6 against 5-7",
@@ -81,6 +82,7 @@ COST = (
     ),
     Claim(
         "sine-random",
+        ("fig07", "claims_statistics", "damping"),
         "V-B, Fig. 7",
         "On sine random free takes as many iterations as fixation",
         "5 against 5",
@@ -90,6 +92,7 @@ COST = (
     ),
     Claim(
         "free-faster",
+        ("fig07", "damping"),
         "V-B, Fig. 7",
         "Free takes less time to converge (all but sine random)",
         "median ratios 0.84 to 0.99",
@@ -99,14 +102,17 @@ COST = (
     ),
     Claim(
         "time-per-iteration",
+        ("fig07", "iteration_time"),
         "V-B, Fig. 7",
         "Fixation takes the least time per iteration",
         "ratios 1.000 to 1.026",
         "interval of the median paired ratio to fix above 1, for free and for prior, over all configurations",
         _fixation_is_fastest_an_iteration,
+        reasons.iteration_time,
     ),
     Claim(
         "prior-cost",
+        ("fig07", "claims_statistics", "first_step"),
         "V-B, Fig. 7",
         "The cost of prior and fixation is almost identical",
         "medians of iterations equal",

@@ -16,21 +16,15 @@ def _position_variance(e: Evidence, name: str, gauge: str) -> np.ndarray:
     return np.diagonal(arrays[gauge])[: 3 * n].reshape(n, 3).sum(axis=1)
 
 
-def _growth(variance: np.ndarray) -> float:
-    """Rank correlation of variance and keyframe number."""
-    ranks = np.argsort(np.argsort(variance))
-    return float(np.corrcoef(ranks, np.arange(len(variance)))[0, 1])
-
-
 def _grows(e: Evidence, name: str) -> tuple[str, bool]:
     variance = _position_variance(e, name, "fixed")
-    growth = _growth(variance)
-    deviation = 1e3 * np.sqrt(variance)
+    first, middle, last = (float(part.mean()) for part in np.array_split(variance, 3))
+    deviation = 1e3 * np.sqrt([variance[0], first, middle, last])
     text = (
-        f"{name}: {deviation[0]:.2g} mm at the first keyframe, {deviation[1]:.2g} at the second, "
-        f"{deviation[-1]:.2g} at the last, rank correlation {growth:.2f}"
+        f"{name}: {deviation[0]:.2g} mm at the first keyframe; root of the mean variance of the first third "
+        f"{deviation[1]:.2g}, of the middle {deviation[2]:.2g}, of the last {deviation[3]:.2g} mm"
     )
-    return text, variance[0] == 0.0 and growth > 0.9
+    return text, variance[0] == 0.0 and first < middle < last
 
 
 def _grows_simulation(e: Evidence) -> Finding:
@@ -41,14 +35,17 @@ def _grows_euroc(e: Evidence) -> Finding:
     return on_euroc(e, *_grows(e, e.sequences[0]))
 
 
+# Twice the largest ratio of the paper's Figs. 1, 9 and 10, which is 2.3.
+LARGEST_SPREAD = 4.6
+
+
 def _spread_under_free(e: Evidence) -> Finding:
-    ratios = []
+    ratios = {}
     for name in e.covariances:
         variance = _position_variance(e, name, "free")
-        ratios.append(float(variance.max() / variance.min()) if variance.min() > 0.0 else np.inf)
-    return f"largest over smallest position variance {min(ratios):.2g} to {max(ratios):.2g}", max(
-        ratios
-    ) < 10.0
+        ratios[name] = float(variance.max() / variance.min()) if variance.min() > 0.0 else np.inf
+    shown = ", ".join(f"{name} {ratio:.2g}" for name, ratio in ratios.items())
+    return f"largest over smallest position variance: {shown}", max(ratios.values()) < LARGEST_SPREAD
 
 
 def _prior_covariance(e: Evidence) -> Finding:
@@ -84,14 +81,16 @@ def _ellipses(e: Evidence) -> Finding:
 COVARIANCE = (
     Claim(
         "fixed-grows",
+        ("fig09",),
         "VI-A, Fig. 9",
         "Under fixation the first position's uncertainty is zero, and it increases afterwards",
         "shown",
-        "zero at the first keyframe; rank correlation of position variance and time above 0.9",
+        "zero at the first keyframe; mean position variance of each third above that of the third before",
         _grows_simulation,
     ),
     Claim(
         "fixed-grows-euroc",
+        ("fig01",),
         "VI-A, Figs. 1, 10",
         "The same on EuRoC",
         "shown",
@@ -100,14 +99,16 @@ COVARIANCE = (
     ),
     Claim(
         "free-spreads",
+        ("fig01", "fig09", "fig10"),
         "VI-A, Figs. 1, 9, 10",
         "In the free gauge the uncertainty is spread over all positions",
-        "ratio 2.2 (Fig. 1, x)",
-        "largest position variance less than ten times the smallest, in every experiment",
+        "ratios 1.7 to 2.3",
+        "largest over smallest position variance below twice the largest published, 2.3, in every experiment",
         _spread_under_free,
     ),
     Claim(
         "prior-covariance",
+        ("fig09", "first_step"),
         "VI-A",
         "With a high weight the prior's covariance is similar to fixation's",
         "similar",
@@ -117,6 +118,7 @@ COVARIANCE = (
     ),
     Claim(
         "identity",
+        ("fig09", "fig10"),
         "VI-B",
         "The transformed free covariance is that of the gauge, Eq. (12)",
         "agrees well",
@@ -125,6 +127,7 @@ COVARIANCE = (
     ),
     Claim(
         "transformed-simulation",
+        ("fig09", "exchange"),
         "VI-B, Fig. 9",
         "Transformed and fixed covariance differ little",
         "0.11 %",
@@ -134,6 +137,7 @@ COVARIANCE = (
     ),
     Claim(
         "transformed-euroc",
+        ("fig10", "exchange"),
         "VI-B, Fig. 10",
         "The same on EuRoC V1",
         "0.02 %",
@@ -143,6 +147,7 @@ COVARIANCE = (
     ),
     Claim(
         "ellipses-euroc",
+        ("fig01",),
         "Fig. 1",
         "Transformed position uncertainties agree well with fixation's on EuRoC MH",
         "within 5.8 %",

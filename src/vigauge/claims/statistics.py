@@ -17,7 +17,8 @@ class Criteria:
     ``accuracy_margin`` relative difference of RMSE that counts as the same, ``cost_margin`` of
     iterations and times, ``covariance_margin`` of covariances (Frobenius); ``confidence`` of
     intervals; ``resamples`` and ``seed`` of the bootstrap; ``sweep_span`` relative span of the
-    RMSE over prior weights that counts as "very similar", ``settled_span`` as settled.
+    RMSE over prior weights that counts as "very similar"; ``settled_span`` share of the span over all
+    weights that counts as settled. config/README.md has each one's reason.
     """
 
     accuracy_margin: float

@@ -48,6 +48,7 @@ def _yaw(e: Evidence) -> Finding:
 THEORY = (
     Claim(
         "invariance",
+        ("orbit",),
         "II-A, (3)",
         "The cost is invariant to a yaw and a shift of everything",
         "J(theta) = J(g(theta))",
@@ -56,6 +57,7 @@ THEORY = (
     ),
     Claim(
         "rank",
+        ("table1", "fig09", "fig10"),
         "III, Table I",
         "The Hessian has a rank deficiency of four",
         "4",
@@ -64,6 +66,7 @@ THEORY = (
     ),
     Claim(
         "parameters",
+        ("table1",),
         "Table I",
         "n = 9N + 3K parameters; fixation has n - 4, and all but the free Hessian can be inverted",
         "n - 4, n, n",
@@ -72,6 +75,7 @@ THEORY = (
     ),
     Claim(
         "yaw-parametrisation",
+        ("yaw",),
         "III-A, (8), (9)",
         "Iterated updates (8) with zero z do not hold the yaw, (9) does",
         "stated",

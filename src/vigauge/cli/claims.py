@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
 
 import pandas as pd
 
 from vigauge.claims import Criteria, Evidence, explanations, ledger, paired_statistics
+from vigauge.claims.page import evidence_links
 from vigauge.claims.sensitivity import ranges
 from vigauge.cli.artefacts import named_file
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
@@ -40,16 +42,19 @@ def work(options: argparse.Namespace) -> None:
         f"Intervals at {100 * criteria.confidence:g} %, bootstrapped over trials. Margins: accuracy "
         f"{100 * criteria.accuracy_margin:g} %, cost {100 * criteria.cost_margin:g} %, covariance "
         f"{100 * criteria.covariance_margin:g} %; RMSE over prior weights {100 * criteria.sweep_span:g} %, "
-        f"settled {criteria.settled_span:g}. Times: {machine['processor']}, {machine['cores']} cores, BLAS "
-        "on one thread. Paired differences with effect sizes: claims_statistics.csv; tables of the "
-        "experiments that explain: data/reasons."
+        f"settled {100 * criteria.settled_span:g} % of their span. Times: {machine['processor']}, "
+        f"{machine['cores']} cores, BLAS on one thread; of a sequence, repeats are drawn instead of trials. "
+        "Paired differences with effect sizes: claims_statistics.csv; tables of the experiments "
+        "that explain: data/reasons."
     )
     verdicts = {row["id"]: row["verdict"] for row in rows}
     why = [{"id": row["id"], "verdict": verdicts[row["id"]], "why": row["why"]} for row in reasons]
     write_rows(options.output, rows)
     write_rows(options.why, why)
     write_rows(options.statistics, paired_statistics(evidence))
-    page = markdown(rows, note) + "\n## Why\n\n" + markdown(why)
+    files = dict(options.evidence)
+    shown = [{**row, "evidence": _links(str(row["id"]), files, options.output.parent)} for row in rows]
+    page = markdown(shown, note) + "\n## Why\n\n" + markdown(why)
     if options.sensitivity and _belongs(options):
         page += "\n## Where in the range of our assumptions\n\n" + _ranges(options.sensitivity)
     write_text(options.output.with_suffix(".md"), page)
@@ -70,12 +75,21 @@ def _belongs(options: argparse.Namespace) -> bool:
     return bool(same)
 
 
+def _links(claim: str, files: dict[str, Path], folder: Path) -> str:
+    """Evidence of a claim as links from ``folder``, where the page is."""
+    links = (f"[{name}]({os.path.relpath(files[name], folder)})" for name in evidence_links(claim, files))
+    return ", ".join(links)
+
+
 def _ranges(summary: Path) -> str:
     """The sensitivity sweep: where each claim holds, and how near Table II each setting comes."""
     table = pd.read_csv(summary, dtype={"value": str})
-    columns = ["parameter", "value", "rmse_ratio", "rmse_ratio_low", "rmse_ratio_high"]
+    columns = ["parameter", "value", "rmse_ratio", "rmse_ratio_low", "rmse_ratio_high", "rmse_score"]
     near = table[columns].drop_duplicates().to_dict("records")
-    note = "RMSE of fixation over the paper's Table II: geometric mean, smallest and largest of 18."
+    note = (
+        "RMSE of fixation over the paper's Table II: geometric mean, smallest and largest of 18, "
+        "and the mean of |log ratio|, by which the defaults were chosen."
+    )
     return (
         markdown(ranges(table)) + "\n" + markdown([{str(k): v for k, v in row.items()} for row in near], note)
     )
@@ -103,6 +117,9 @@ def main() -> None:
     arguments.add_argument("--output", type=Path, required=True, help="claims.csv; claims.md goes beside it")
     arguments.add_argument("--why", type=Path, required=True, help="output: reason of each claim")
     arguments.add_argument("--statistics", type=Path, required=True, help="output: paired differences")
+    arguments.add_argument(
+        "--evidence", type=named_file, nargs="*", default=[], help="NAME=FILE of evidence to link to"
+    )
     arguments.add_argument(
         "--sensitivity", type=Path, help="summary of the sensitivity sweep, if there is one"
     )

@@ -14,7 +14,7 @@ _KINDS = {"matrices": draw_covariances, "ellipses": draw_ellipses}
 
 
 def work(options: argparse.Namespace) -> None:
-    _KINDS[options.kind](options.covariance, options.output, options.source)
+    _KINDS[options.kind](options.covariance, options.output, options.source, options.published_file)
 
 
 def main() -> None:
@@ -24,6 +24,9 @@ def main() -> None:
     arguments.add_argument("--source", choices=("simulation", "euroc", "rendered"), required=True)
     arguments.add_argument(
         "--output", type=stem_of, required=True, help="the PNG; the PDF and the numbers go beside it"
+    )
+    arguments.add_argument(
+        "--published-file", type=Path, help="numbers of the paper's figure to show beside ours"
     )
     run(work, arguments)
 

@@ -17,14 +17,14 @@ from vigauge.archive import load_arrays, load_problems, load_states
 from vigauge.cli.artefacts import add_prior_weight, add_solver, named_file
 from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
 from vigauge.files import write_rows
-from vigauge.gauge import FixedGauge, Gauge, PriorGauge, three_gauges
+from vigauge.gauge import FixedGauge, FreeGauge, Gauge, PriorGauge, three_gauges
 from vigauge.levenberg_marquardt import Options
 from vigauge.problem import Problem
 from vigauge.reasons.exchange import exchange, exchange_published
 from vigauge.reasons.first_step import from_published, from_traces
 from vigauge.reasons.invariance import cost_on_orbit
 from vigauge.reasons.settings import Settings
-from vigauge.reasons.solves import plateau, solve_all
+from vigauge.reasons.solves import plateau, prior_paths, solve_all
 from vigauge.reasons.yaw_drift import yaw_drift
 
 Row = dict[str, object]
@@ -62,6 +62,7 @@ def solved(options: argparse.Namespace, settings: Settings, solver: Options) -> 
     problems = load_problems(dict(options.problems)[options.sweep_configuration])[: settings.plateau_trials]
     tables["plateau"] = plateau(problems, settings.plateau_weights, variants)
     tables["squared"] = squared_weights(options.published, problems, solver)
+    tables["squared_paths"] = squared_paths(options.published, problems, solver)
     return tables
 
 
@@ -81,6 +82,16 @@ def squared_weights(published: Path, problems: list[Problem], solver: Options) -
                 {"label": f"{weight:g}", "power": power, "published_median": median, **row}
                 for row in plateau(problems, [weight_used], {"as configured": solver})
             ]
+    return rows
+
+
+def squared_paths(published: Path, problems: list[Problem], solver: Options) -> list[Row]:
+    """Paths of the paper's Fig. 6 with the squares of its weights."""
+    figure6 = pd.read_csv(published / "fig06_prior_error_paths.csv", dtype={"weight": str})
+    rows: list[Row] = []
+    for label in figure6["weight"].unique():
+        gauge: Gauge = FreeGauge() if label == "free" else PriorGauge(float(label) ** 2)
+        rows += prior_paths(label, problems, gauge, solver)
     return rows
 
 

@@ -6,16 +6,18 @@ alike. (The paper's have variances as axis lengths and no correlation.)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 
 from ..archive import load_arrays
 from ..files import write_rows
 from ..so3 import Array
-from .style import COLOURS, PAGE, draw_withheld, new_figure, note_stand_in, save_figure
+from .style import COLOURS, PAGE, PUBLISHED, draw_withheld, new_figure, note_stand_in, save_figure
 
 # Share of the flight's extent that the largest ellipse may take.
 _LARGEST_SHARE = 0.12
@@ -71,10 +73,46 @@ def _height(p_W: Array) -> float:
     return float(np.clip(0.8 + 3.0 * height / max(width, 1e-9), 2.4, 4.2))
 
 
-def draw_ellipses(archive: Path, stem: Path, source: str) -> None:
+def published_ellipses(file: Path, curve: str) -> tuple[Array, list[dict[str, float]]]:
+    """Positions (N, 2) and one-sigma ellipses of a curve of the paper's Fig. 1: no correlation of x and y.
+
+    The paper has variances as lengths of axes; here they are standard deviations, as ours.
+    """
+    table = pd.read_csv(file)
+    rows = table[(table["curve"] == curve) & (table["record"] == "ellipse")].sort_values("keyframe")
+    deviation = np.sqrt(rows[["var_x_m2", "var_y_m2"]].to_numpy())
+    ellipses = [
+        {
+            "semi_major_m": float(max(x, y)),
+            "semi_minor_m": float(min(x, y)),
+            "angle_rad": 0.0 if x >= y else np.pi / 2,
+        }
+        for x, y in deviation
+    ]
+    return rows[["x", "y"]].to_numpy(), ellipses
+
+
+def _draw_published(panels: Sequence[Axes], file: Path) -> None:
+    """The paper's two panels, enlarged to be as readable as ours."""
+    curves = {name: published_ellipses(file, name) for name in ("free", "transformed", "fixed")}
+    extent = float(np.ptp(curves["free"][0], axis=0).max())
+    scale = enlargement(extent, max(e["semi_major_m"] for _, es in curves.values() for e in es))
+    _draw(panels[0], *curves["free"], scale, PUBLISHED, "Paper, free", "-")
+    _draw(panels[1], *curves["transformed"], scale, PUBLISHED, "Paper, transformed free", "-")
+    _draw(panels[1], *curves["fixed"], scale, "#000000", "Paper, fixed", "--")
+    for panel, title in zip(panels, ("(c) Paper, free gauge", "(d) Paper, gauge fixation"), strict=True):
+        panel.set_aspect("equal", adjustable="box")  # a long flight: the whole of it is to be seen
+        panel.set_xlabel("x (m)")
+        panel.set_title(f"{title}; one sigma, enlarged {scale:g} times")
+        panel.legend(loc="upper right")
+    panels[0].set_ylabel("y (m)")
+
+
+def draw_ellipses(archive: Path, stem: Path, source: str, published: Path | None = None) -> None:
     """Draw both panels from an archive of covariances; ``stem``.csv has centres and ellipses.
 
-    Where the covariances are withheld, both say why.
+    ``published``: the paper's ellipses, drawn in a second row. Where the covariances are withheld, both
+    of ours say why.
     """
     arrays = load_arrays(archive)
     withheld = str(arrays["withheld"])
@@ -90,7 +128,14 @@ def draw_ellipses(archive: Path, stem: Path, source: str) -> None:
     extent = float(np.ptp(curves["free"][0][:, :2], axis=0).max())
     largest = max(e["semi_major_m"] for _, ellipses in curves.values() for e in ellipses)
     scale = enlargement(extent, largest)
-    with new_figure(PAGE, _height(curves["free"][0]), 1, 2, sharey=True) as (figure, axes):
+    height = _height(curves["free"][0])
+    rows = 1 if published is None else 2
+    heights = [height, 1.7][:rows]
+    grid = {"height_ratios": heights}
+    with new_figure(PAGE, sum(heights), rows, 2, sharey="row", gridspec_kw=grid) as (figure, panels):
+        axes = np.atleast_2d(panels)[0]
+        if published is not None:
+            _draw_published(panels[1], published)
         _draw(axes[0], *curves["free"], scale, COLOURS["free"], "Free", "-")
         _draw(axes[1], *curves["transformed"], scale, COLOURS["free"], "Transformed free", "-")
         _draw(axes[1], *curves["fixed"], scale, COLOURS["fix"], "Fixed", "--")

@@ -40,10 +40,14 @@ def held_entries(covariance: Array) -> NDArray[np.bool_]:
 
 
 def _show(figure: Figure, axes: Axes, covariance: Array, held: NDArray[np.bool_], title: str) -> None:
-    n = len(covariance) // 3
     values = np.ma.masked_array(logarithm(covariance), held[:, None] | held[None, :])
+    _grey(figure, axes, values, len(covariance) // 3, np.log10(EPSILON), title)
+
+
+def _grey(figure: Figure, axes: Axes, values: np.ma.MaskedArray, n: int, lowest: float, title: str) -> None:
+    """Values as grey levels from ``lowest`` up, in blocks of ``n``; what is masked is held."""
     grey = mpl.colormaps["gray_r"].with_extremes(bad=HELD)
-    image = axes.imshow(values, cmap=grey, interpolation="nearest", vmin=np.log10(EPSILON))
+    image = axes.imshow(values, cmap=grey, interpolation="nearest", vmin=lowest)
     # One bar a panel: the free covariance has another range.
     bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.03)
     bar.ax.tick_params(labelsize=6)
@@ -54,11 +58,19 @@ def _show(figure: Figure, axes: Axes, covariance: Array, held: NDArray[np.bool_]
     axes.set_title(title)
 
 
-def draw_covariances(archive: Path, stem: Path, source: str) -> None:
+def _show_published(figure: Figure, axes: Axes, arrays: dict[str, Array], panel: str, title: str) -> None:
+    """A panel of the paper's figure: its own range, since its offset under the logarithm is another."""
+    n = len(arrays[panel]) // 3
+    held = arrays[f"{panel}_zero_mask"].astype(bool) | np.isnan(arrays[panel])
+    _grey(figure, axes, np.ma.masked_array(arrays[panel], held), n, np.log10(float(arrays["eps"])), title)
+
+
+def draw_covariances(archive: Path, stem: Path, source: str, published: Path | None = None) -> None:
     """Draw one comparison from an archive of covariances, and keep what is shown as ``stem``.npz.
 
-    ``source`` is 'simulation', 'euroc' or 'rendered'; it is kept with the numbers. Where the
-    covariances are withheld, the figure says why, and the archive too.
+    ``source`` is 'simulation', 'euroc' or 'rendered'; it is kept with the numbers. ``published``: archive
+    of the paper's figure, drawn in a second row. Where the covariances are withheld, the
+    figure says why, and the archive too.
     """
     arrays = load_arrays(archive)
     withheld = str(arrays["withheld"])
@@ -69,7 +81,13 @@ def draw_covariances(archive: Path, stem: Path, source: str) -> None:
     save_arrays(f"{stem}.npz", {name: arrays[name] for name in _KEPT} | {"source": np.array(source)})
     held = held_entries(arrays["fixed"])
     none = np.zeros(len(held), dtype=bool)
-    with new_figure(PAGE, 2.45, 1, 3) as (figure, axes):
+    theirs = None if published is None else load_arrays(published)
+    rows = 1 if theirs is None else 2
+    with new_figure(PAGE, 2.45 * rows, rows, 3) as (figure, panels):
+        axes = np.atleast_2d(panels)[0]
+        if theirs is not None:
+            for panel, name, title in zip(panels[1], ("free", "transformed", "fixed"), "def", strict=True):
+                _show_published(figure, panel, theirs, name, f"({title}) Paper, {name}")
         _show(figure, axes[0], arrays["free"], none, "(a) Free gauge")
         _show(figure, axes[1], arrays["transformed"], held, "(b) Transformed free gauge")
         _show(figure, axes[2], arrays["fixed"], held, "(c) Gauge fixation")

@@ -35,19 +35,19 @@ def exchange(name: str, transformed: Array, fixed: Array) -> Row:
     )
 
 
+def published_magnitude(arrays: Mapping[str, Array], panel: str) -> Array:
+    """|sigma| of a panel of the paper's Fig. 9 or 10, to half a grey level; zero where it is yellow."""
+    size = 10.0 ** arrays[panel] - float(arrays["eps"])
+    return np.where(arrays[f"{panel}_zero_mask"].astype(bool) | np.isnan(size), 0.0, size)
+
+
 def exchange_published(name: str, arrays: Mapping[str, Array]) -> Row:
     """The same from a published figure (magnitudes only), where the pair is exchanged already.
 
     The first keyframe's variance about y goes back to its place; the entry that it took is
     filled from its mirror image, which has the covariance.
     """
-    eps = float(arrays["eps"])
-
-    def magnitude(panel: str) -> Array:
-        size = 10.0 ** arrays[panel] - eps
-        return np.where(arrays[f"{panel}_zero_mask"].astype(bool) | np.isnan(size), 0.0, size)
-
-    transformed, printed = magnitude("transformed"), magnitude("fixed")
+    transformed, printed = (published_magnitude(arrays, panel) for panel in ("transformed", "fixed"))
     first = len(printed) // 3
     right = exchanged(printed)
     right[first + 1, first] = right[first, first + 1]

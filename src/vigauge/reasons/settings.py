@@ -26,3 +26,24 @@ class Settings:
     large_weights: tuple[str, ...]
     transformations: int
     seed: int
+
+
+@dataclass(frozen=True)
+class AccuracySettings:
+    """Changes tried on what the errors depend on (config section 'reasons', key 'accuracy').
+
+    ``trials`` of each simulated configuration; ``simulation`` changes as text, KEY=VALUE of the sections
+    simulation or solver, several joined by a comma; ``believed_density_factors`` inertial noise that
+    the solver believes, times the real one; ``euler_rates_hz`` inertial rates integrated by Euler steps;
+    ``landmarks`` counts kept on a sequence, seen by one camera; ``accel_bias_mps2`` and ``gyro_bias_radps``
+    errors left in a bias on a sequence, along y and z of the body; ``seed`` of the choice.
+    """
+
+    trials: int
+    simulation: tuple[str, ...]
+    believed_density_factors: tuple[float, ...]
+    euler_rates_hz: tuple[float, ...]
+    landmarks: tuple[int, ...]
+    accel_bias_mps2: float
+    gyro_bias_radps: float
+    seed: int

@@ -82,3 +82,19 @@ def plateau(
                     }
                 )
     return rows
+
+
+def prior_paths(label: str, problems: Iterable[Problem], gauge: Gauge, options: Options) -> list[Row]:
+    """Prior error (m, rad) and mean reprojection error (px) of every iteration, as in Fig. 6."""
+    return [
+        {
+            "label": label,
+            "trial": trial,
+            "iteration": number,
+            "mean_reprojection_px": step.mean_reprojection_px,
+            "prior_position_m": step.prior_position_m,
+            "prior_yaw_rad": step.prior_yaw_rad,
+        }
+        for trial, problem in enumerate(problems)
+        for number, step in enumerate(solve(problem, gauge, options).trace)
+    ]

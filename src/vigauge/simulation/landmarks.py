@@ -17,9 +17,10 @@ from .settings import SimulationSettings
 from .spline import SplineTrajectory
 
 # Planes n . X = d in W, metres, for a camera that looks along +x from near the origin: a
-# wall ahead, two side walls and a floor; far enough out to hold all three trajectories.
+# wall ahead, one behind, two side walls and a floor; far enough out to hold all three trajectories.
 PLANES = (
     (np.array([1.0, 0.0, 0.0]), 8.0),
+    (np.array([-1.0, 0.0, 0.0]), 4.0),
     (np.array([0.0, 1.0, 0.0]), 4.5),
     (np.array([0.0, -1.0, 0.0]), 3.0),
     (np.array([0.0, 0.0, -1.0]), 1.5),

@@ -121,23 +121,39 @@ def perturbed(truth: State, settings: SimulationSettings, rng: np.random.Generat
     )
 
 
+def _noise(settings: SimulationSettings) -> ImuNoise:
+    return ImuNoise(settings.gyro_density, settings.accel_density)
+
+
+def _noise_stream(settings: SimulationSettings, trial: int) -> np.random.Generator:
+    return np.random.default_rng([settings.seed, 1, trial if settings.redraw_noise else 0])
+
+
+def _samples(scene: Scene, rng: np.random.Generator) -> ImuSamples:
+    s = scene.settings
+    gyro_bias, accel_bias = np.array(s.gyro_bias_radps), np.array(s.accel_bias_mps2)
+    raw = corrupt_imu(scene.imu, _noise(s), gyro_bias, accel_bias, rng)
+    return raw.corrected(gyro_bias, accel_bias)
+
+
+def measured_imu(scene: Scene, trial: int) -> ImuSamples:
+    """The inertial samples of a trial, biases taken off: those that its problem integrates."""
+    return _samples(scene, _noise_stream(scene.settings, trial))
+
+
 def _measured(scene: Scene, rng: np.random.Generator) -> tuple[InertialFactors, Array]:
     s = scene.settings
-    noise = ImuNoise(s.gyro_density, s.accel_density)
-    gyro_bias, accel_bias = np.array(s.gyro_bias_radps), np.array(s.accel_bias_mps2)
-    raw = corrupt_imu(scene.imu, noise, gyro_bias, accel_bias, rng)
-    samples = raw.corrected(gyro_bias, accel_bias)
+    samples = _samples(scene, rng)
     ends = zip(scene.keyframe_ns[:-1], scene.keyframe_ns[1:], strict=True)
-    factors = InertialFactors.chain([preintegrate(samples, int(a), int(b), noise) for a, b in ends])
+    factors = InertialFactors.chain([preintegrate(samples, int(a), int(b), _noise(s)) for a, b in ends])
     return factors, scene.uv + rng.normal(0.0, s.sigma_px, scene.uv.shape)
 
 
 def make_trial(scene: Scene, trial: int) -> Problem:
     """The problem of one trial: its own start and, if ``redraw_noise``, its own noise."""
     s = scene.settings
-    noise_rng = np.random.default_rng([s.seed, 1, trial if s.redraw_noise else 0])
     start_rng = np.random.default_rng([s.seed, 2, trial])
-    inertial, uv = _measured(scene, noise_rng)
+    inertial, uv = _measured(scene, _noise_stream(s, trial))
     return Problem.from_observations(
         initial=perturbed(scene.truth, s, start_rng),
         cameras=(scene.camera,),

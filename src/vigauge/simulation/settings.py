@@ -28,6 +28,7 @@ class SimulationSettings:
     gyro_bias_radps: tuple[float, float, float]
     accel_bias_mps2: tuple[float, float, float]
     rotation_amplitude_deg: float
+    view_follows_path: float
     gravity_mps2: float
     perturb_position_m: float
     perturb_rotation_deg: float

@@ -1,8 +1,8 @@
 """The three 6-DoF trajectories of Section IV-A: sine, arc and rec.
 
 The body frame is the camera's (z forward, y down), as the paper assumes. Each path is
-sampled, joined by a B-spline and run at constant mean speed; the view direction sways so
-that all six degrees of freedom are excited.
+sampled, joined by a B-spline and run at constant mean speed; the view turns with the path by
+a share that is a setting, and sways so that all six degrees of freedom are excited.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .. import so3
 from ..errors import DataError
 from ..so3 import Array
 from .settings import SimulationSettings
@@ -67,6 +68,12 @@ def _sway(t: Array, duration: float, amplitude: float) -> Array:
     return amplitude * np.sin(cycles + np.array([0.3, 1.1, 2.0])) * np.array([0.6, 1.0, 0.5])
 
 
+def _heading(points: Array) -> Array:
+    """(M,) direction of the horizontal motion at each point, radians about z, without jumps."""
+    motion = np.gradient(points, axis=0)
+    return np.unwrap(np.arctan2(motion[:, 1], motion[:, 0]))
+
+
 def make_trajectory(shape: str, settings: SimulationSettings) -> SplineTrajectory:
     """Trajectory ``shape`` of the given duration and mean speed.
 
@@ -80,4 +87,11 @@ def make_trajectory(shape: str, settings: SimulationSettings) -> SplineTrajector
     t = np.linspace(0.0, settings.duration_s, count)
     points = _resample(_PATHS[shape](), settings.path_length_m, count)
     sway = _sway(t, settings.duration_s, np.radians(settings.rotation_amplitude_deg))
-    return SplineTrajectory.through(t, points, sway, LOOK_ALONG_X)
+    heading = _heading(points)
+    middle = 0.5 * (heading.min() + heading.max())
+    # The view's yaw is taken about the middle of its range, where the rotation vector is shortest;
+    # about z in W is about -y of the body, which looks ahead with y down.
+    turn = settings.view_follows_path * (heading - middle)
+    rotation = sway - turn[:, None] * np.array([0.0, 1.0, 0.0])
+    reference = so3.yaw_rotation(settings.view_follows_path * middle) @ LOOK_ALONG_X
+    return SplineTrajectory.through(t, points, rotation, reference)

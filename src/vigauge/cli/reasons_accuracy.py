@@ -1,0 +1,201 @@
+"""Run the experiments on what the errors depend on: simulation and sequences with one thing changed.
+
+No times are taken, so that two runs give the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from vigauge.archive import load_arrays, load_problems, load_states
+from vigauge.cli.artefacts import add_solver, named_file, named_text
+from vigauge.cli.sensitivity import changed
+from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.files import write_rows
+from vigauge.gauge import FixedGauge, FreeGauge, Gauge
+from vigauge.levenberg_marquardt import Options
+from vigauge.names import AS_CONFIGURED
+from vigauge.problem import Problem
+from vigauge.reasons.accuracy import ALIGNMENTS, error_rows, expected_errors, path_length
+from vigauge.reasons.exchange import published_magnitude
+from vigauge.reasons.settings import AccuracySettings
+from vigauge.reasons.variants import euler_increments, fewer_landmarks, one_camera, with_bias_error
+from vigauge.simulation.landmarks import LAYOUTS
+from vigauge.simulation.scenario import Scene, make_scene, make_trial, measured_imu, perturbed
+from vigauge.simulation.settings import SimulationSettings
+from vigauge.simulation.trajectories import TRAJECTORIES
+from vigauge.state import State
+
+Row = dict[str, object]
+
+
+def simulated(settings: SimulationSettings, solver: Options, accuracy: AccuracySettings) -> list[Row]:
+    """RMSE of all six configurations under every change, one at a time."""
+    variants: dict[str, tuple[SimulationSettings, Options]] = {AS_CONFIGURED: (settings, solver)}
+    for change in accuracy.simulation:
+        values, options = settings, solver
+        for part in change.split(", "):
+            parameter, _, value = part.partition("=")
+            values, options = changed(values, options, parameter, float(value))
+        variants[change] = values, options
+    rows: list[Row] = []
+    for points in LAYOUTS:
+        for trajectory in TRAJECTORIES:
+            name = f"{trajectory}_{points}"
+            for variant, (values, options) in variants.items():
+                scene = make_scene(trajectory, points, values)
+                problems = [make_trial(scene, trial) for trial in range(accuracy.trials)]
+                alignments = ALIGNMENTS if variant == AS_CONFIGURED else ("first pose",)
+                rows += _errors(variant, name, problems, scene, options, alignments)
+                if variant == AS_CONFIGURED:
+                    for factor in accuracy.believed_density_factors:
+                        believed = [p.with_noise(p.sigma_px, factor) for p in problems]
+                        rows += _errors(
+                            f"inertial noise believed {factor:g} times", name, believed, scene, solver
+                        )
+            for rate in accuracy.euler_rates_hz:
+                scene = make_scene(trajectory, points, replace(settings, imu_rate_hz=rate))
+                stepped = list(_euler(scene, accuracy.trials))
+                rows += _errors(f"Euler steps at {rate:g} Hz", name, stepped, scene, solver)
+            LOG.info("%s: %d trials a variant", name, accuracy.trials)
+    return rows
+
+
+def _errors(
+    variant: str,
+    name: str,
+    problems: list[Problem],
+    scene: Scene,
+    solver: Options,
+    alignments: Iterable[str] = ("first pose",),
+) -> list[Row]:
+    return error_rows(variant, name, problems, scene.truth, {"fix": FixedGauge()}, solver, alignments)
+
+
+def _euler(scene: Scene, trials: int) -> Iterator[Problem]:
+    ends = list(zip(scene.keyframe_ns[:-1].tolist(), scene.keyframe_ns[1:].tolist(), strict=True))
+    for trial in range(trials):
+        problem = make_trial(scene, trial)
+        factors = euler_increments(measured_imu(scene, trial), ends, problem.inertial)
+        yield replace(problem, inertial=factors)
+
+
+def on_sequence(
+    name: str,
+    problem: Problem,
+    truth: State,
+    perturbation: SimulationSettings,
+    solver: Options,
+    accuracy: AccuracySettings,
+) -> list[Row]:
+    """RMSE and iterations of a sequence with one thing changed, fixed and free."""
+    rng = np.random.default_rng(accuracy.seed)
+    left = one_camera(problem)
+    accel, gyro = np.zeros(3), np.zeros(3)
+    accel[1], gyro[2] = accuracy.accel_bias_mps2, accuracy.gyro_bias_radps
+    variants = {
+        AS_CONFIGURED: problem,
+        "one camera": left,
+        **{
+            f"one camera, {count} landmarks": fewer_landmarks(left, count, rng)
+            for count in accuracy.landmarks
+        },
+        f"accelerometer bias off by {accuracy.accel_bias_mps2:g} m/s^2": with_bias_error(
+            problem, np.zeros(3), accel
+        ),
+        f"gyroscope bias off by {accuracy.gyro_bias_radps:g} rad/s": with_bias_error(
+            problem, gyro, np.zeros(3)
+        ),
+        "start as in Section V-B": problem.with_initial(perturbed(problem.initial, perturbation, rng)),
+    }
+    gauges: dict[str, Gauge] = {"fix": FixedGauge(), "free": FreeGauge()}
+    rows = []
+    for variant, changed_problem in variants.items():
+        rows += error_rows(variant, name, [changed_problem], truth, gauges, solver)
+    return rows
+
+
+def expectations(covariances: list[tuple[str, Path]], published: Path) -> list[Row]:
+    """RMSE that each fixed covariance lets expect, ours and those of the paper's Figs. 9 and 10."""
+    rows = []
+    for name, file in covariances:
+        arrays = load_arrays(file)
+        rows.append(expected_errors(name, arrays["fixed"], int(arrays["n_keyframes"])))
+    for figure in ("fig09", "fig10"):
+        # The transformed panel: the fixed one has an entry in the wrong place.
+        magnitude = published_magnitude(load_arrays(published / f"{figure}.npz"), "transformed")
+        rows.append(expected_errors(f"published {figure}", magnitude, len(magnitude) // 9))
+    return rows
+
+
+def paths(truths: list[tuple[str, Path]], published: Path) -> list[Row]:
+    """Horizontal length of every flight and of the published one of Fig. 1, metres."""
+    rows: list[Row] = []
+    for name, file in truths:
+        rows.append({"experiment": name, "path_m": path_length(load_states(file)[0].p_W[:, :2])})
+    drawn = pd.read_csv(published / "fig01_euroc_ellipses.csv").query(
+        "panel == 'a' and record == 'trajectory'"
+    )
+    rows.append({"experiment": "published fig01", "path_m": path_length(drawn[["x", "y"]].to_numpy())})
+    return rows
+
+
+def work(options: argparse.Namespace) -> None:
+    accuracy = settings_from(AccuracySettings, options.settings, "reasons.accuracy")
+    simulation = settings_from(SimulationSettings, options.simulation, "simulation")
+    solver = settings_from(Options, options.solver, "solver")
+    noise = dict(options.noise)
+    truths = dict(options.truths)
+    sequences: list[Row] = []
+    with threadpool_limits(limits=1):
+        rows = simulated(simulation, solver, accuracy)
+        for name, file in options.sequences:
+            problem = load_problems(file)[0].with_noise(**json_argument(noise[name]))
+            truth = load_states(truths[name])[0]
+            sequences += on_sequence(name, problem, truth, simulation, solver, accuracy)
+    tables = {
+        "accuracy": rows,
+        "sequence_accuracy": sequences,
+        "expected": expectations(options.covariances, options.published),
+        "paths": paths(options.truths, options.published),
+    }
+    for name, table in tables.items():
+        write_rows(options.output / f"{name}.csv", table)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    for name, text in (
+        ("sequences", "NAME=FILE of the sequences' problems"),
+        ("truths", "NAME=FILE of the sequences' true states"),
+        ("covariances", "NAME=FILE of covariances of all experiments"),
+    ):
+        arguments.add_argument(f"--{name}", type=named_file, nargs="+", required=True, help=text)
+    arguments.add_argument(
+        "--noise",
+        type=named_text,
+        nargs="+",
+        required=True,
+        help="NAME=JSON of its headline noise",
+    )
+    arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
+    arguments.add_argument(
+        "--simulation", type=json_argument, required=True, help="config section 'simulation'"
+    )
+    add_solver(arguments)
+    arguments.add_argument(
+        "--settings", type=json_argument, required=True, help="config section 'reasons.accuracy'"
+    )
+    arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""Time iterations of equal number in the three gauges, and the dense solve that fixation makes smaller."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from vigauge.cli.artefacts import add_prior_weight, add_solver
+from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.files import write_rows
+from vigauge.gauge import three_gauges
+from vigauge.levenberg_marquardt import Options
+from vigauge.reasons.iteration_time import TimeSettings, dense_times, iteration_times
+from vigauge.simulation.scenario import make_scene, make_trial
+from vigauge.simulation.settings import SimulationSettings
+
+
+def work(options: argparse.Namespace) -> None:
+    times = settings_from(TimeSettings, options.settings, "iteration_time")
+    simulation = settings_from(SimulationSettings, options.simulation, "simulation")
+    solver = settings_from(Options, options.solver, "solver")
+    gauges = three_gauges(options.prior_weight)
+    rng = np.random.default_rng(simulation.seed)
+    trajectory, points = options.configuration.split("_")
+    rows = []
+    with threadpool_limits(limits=1):
+        for count in times.n_keyframes:
+            scene = make_scene(trajectory, points, replace(simulation, n_keyframes=count))
+            problem = make_trial(scene, 0)
+            rows += iteration_times(problem, gauges, solver, times, time.perf_counter)
+            rows += dense_times(count, times.repeats, rng, time.perf_counter)
+    write_rows(options.output, rows)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--configuration", required=True, help="simulated configuration, e.g. sine_plane")
+    arguments.add_argument(
+        "--simulation", type=json_argument, required=True, help="config section 'simulation'"
+    )
+    add_solver(arguments)
+    add_prior_weight(arguments)
+    arguments.add_argument(
+        "--settings", type=json_argument, required=True, help="config section 'iteration_time'"
+    )
+    arguments.add_argument("--output", type=Path, required=True, help="a row a run")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

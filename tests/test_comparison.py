@@ -1,0 +1,198 @@
+"""Published numbers beside ours: every one is there, and an explanation can come out either way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from vigauge.claims.comparison import FACTOR, Number, numbers, score
+from vigauge.claims.ratios import NOT_EXPLAINED, Experiments, comparison_rows, reasons
+from vigauge.names import AS_CONFIGURED
+
+PUBLISHED = Path(__file__).parents[1] / "data" / "published"
+SEQUENCES = {"MH_01_easy": "MH", "V1_01_easy": "VI"}
+Change = Callable[[pd.DataFrame], pd.DataFrame]
+
+
+def _ours(folder: Path) -> Path:
+    """Artefacts that hold exactly what the paper has, in our formats."""
+    ours = {theirs: name for name, theirs in SEQUENCES.items()}
+    pd.read_csv(PUBLISHED / "table2.csv").to_csv(folder / "table2.csv", index=False)
+    table3 = pd.read_csv(PUBLISHED / "table3.csv")
+    table3.assign(sequence=table3["sequence"].map(ours)).to_csv(folder / "table3.csv", index=False)
+    fig04 = pd.read_csv(PUBLISHED / "fig04_prior_weight_rmse.csv")
+    fig04 = fig04.assign(weight=fig04["weight_guess"], phi_rmse_deg=fig04["phi_rmse_rad"])
+    fig04.to_csv(folder / "fig04_prior_weight_rmse.csv", index=False)
+    fig05 = pd.read_csv(PUBLISHED / "fig05_prior_weight_cost.csv")
+    fig05.to_csv(folder / "fig05_prior_weight_cost.csv", index=False)
+    fig06 = pd.read_csv(PUBLISHED / "fig06_prior_error_paths.csv", dtype={"weight": str})
+    wide = fig06.pivot(
+        index=["weight", "step", "mean_reprojection_px"], columns="panel", values="prior_error"
+    )
+    wide = wide.reset_index().rename(
+        columns={"step": "iteration", "yaw_rad": "prior_yaw_rad", "position_m": "prior_position_m"}
+    )
+    wide.to_csv(folder / "fig06_prior_error_paths.csv", index=False)
+    for name, key in (("fig07_simulation_cost", "configuration"), ("fig11_euroc_cost", "sequence")):
+        table = pd.read_csv(PUBLISHED / f"{name}.csv")
+        table["median"] = table["median"].fillna(table["value"])
+        table["experiment"] = table[key].replace(ours)
+        table.to_csv(folder / f"{name}.csv", index=False)
+    return folder
+
+
+def _experiments(folder: Path, accuracy: Change = lambda t: t) -> Experiments:
+    """Tables of data/reasons in which nothing changes anything, but for what a test alters."""
+    table2 = pd.read_csv(PUBLISHED / "table2.csv").query("gauge == 'fix'")
+    base = table2.rename(columns={"configuration": "experiment"})
+    base = base.assign(variant=AS_CONFIGURED, alignment="first pose", trial=0, converged=True, landmarks=60)
+    other = base.assign(variant="sigma_px=2")
+    accuracy(pd.concat([base, other])).to_csv(folder / "accuracy.csv", index=False)
+    table3 = pd.read_csv(PUBLISHED / "table3.csv")
+    on = table3.assign(
+        experiment=table3["sequence"].map({theirs: name for name, theirs in SEQUENCES.items()}),
+        variant=AS_CONFIGURED,
+        converged=True,
+        iterations=10,
+    )
+    pd.concat([on, on.assign(variant="one camera")]).to_csv(folder / "sequence_accuracy.csv", index=False)
+    columns = ["p_rmse_m", "phi_rmse_deg", "v_rmse_mps"]
+    expected = base[["experiment", *columns]]
+    figure = pd.DataFrame([{"experiment": "published fig09", **dict.fromkeys(columns, 0.01)}])
+    pd.concat([expected, figure]).to_csv(folder / "expected.csv", index=False)
+    paths = pd.DataFrame({"experiment": ["MH_01_easy", "published fig01"], "path_m": [2.0, 4.0]})
+    paths.to_csv(folder / "paths.csv", index=False)
+    figure5 = pd.read_csv(PUBLISHED / "fig05_prior_weight_cost.csv").query("quantity == 'iterations'")
+    squared = pd.DataFrame({"label": figure5["weight"], "power": 2, "iterations": figure5["median"]})
+    squared.to_csv(folder / "squared.csv", index=False)
+    figure6 = pd.read_csv(folder / "fig06_prior_error_paths.csv", dtype={"weight": str})
+    figure6.assign(label=figure6["weight"], trial=0).to_csv(folder / "squared_paths.csv", index=False)
+    return Experiments(folder, PUBLISHED, SEQUENCES, "MH_01_easy")
+
+
+def _explained(table: list[Number], experiments: Experiments) -> pd.DataFrame:
+    rows = pd.DataFrame(comparison_rows(table, experiments))
+    return rows[rows["outside_factor_two"]]
+
+
+def _altered(table: list[Number], artefact: str, quantity: str, factor: float, case: str) -> list[Number]:
+    """The same with one group of numbers of ours multiplied."""
+    out = [
+        replace(n, ours=n.ours * factor)
+        if (n.artefact, n.case) == (artefact, case) and n.quantity == quantity
+        else n
+        for n in table
+    ]
+    assert out != table
+    return out
+
+
+def test_every_published_number_is_there_and_equal_to_itself(tmp_path: Path) -> None:
+    """Catches a row that is dropped, paired with another case, or read from another column."""
+    table = numbers(_ours(tmp_path), PUBLISHED, SEQUENCES)
+    assert {n.ratio for n in table} == {1.0}
+    count = pd.Series([n.artefact for n in table]).value_counts()
+    assert count["table2"] == 12 * 3
+    assert count["table3"] == 4 * 3
+    assert count["fig04"] == 17 * 3
+    assert count["fig05"] == 20 * 3
+    assert count["fig06"] == 23 + 2 * (23 - 5)
+    assert count["fig07"] == 18 * 7
+    assert count["fig11"] == 6 * 7
+    assert score(table) == (0.0, 0.0)
+
+
+def test_sequences_of_others_are_not_compared(tmp_path: Path) -> None:
+    """A stand-in set beside EuRoC's numbers."""
+    table = numbers(_ours(tmp_path), PUBLISHED, {})
+    assert not {n.artefact for n in table} & {"table3", "fig11"}
+    assert "ratio-sequences" not in {
+        row["id"]
+        for row in reasons(table, Experiments(_experiments(tmp_path).folder, PUBLISHED, {}, "rendered_hall"))
+    }
+
+
+@pytest.mark.parametrize("ratio", [0.49, 2.01, float("nan"), float("inf")])
+def test_outside_is_either_way(ratio: float) -> None:
+    """Catches a factor looked at from one side, and a ratio that does not exist passing for good."""
+    assert Number("a", "b", "fix", "q", 1.0, ratio).outside
+    assert not Number("a", "b", "fix", "q", 1.0, FACTOR).outside
+    assert Number("a", "b", "fix", "q", 0.0, 1.0).outside
+    assert not Number("a", "b", "fix", "q", 0.0, 0.0).outside
+
+
+def _scaled(variants: dict[str, float], error: str = "phi_rmse_deg", case: str = "arc_plane") -> Change:
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        table = table.copy().reset_index(drop=True)
+        for variant, factor in variants.items():
+            chosen = (table["variant"] == variant) & (table["experiment"] == case)
+            table.loc[chosen, error] *= factor
+        return table
+
+    return change
+
+
+def test_a_change_that_brings_a_number_inside_explains_it(tmp_path: Path) -> None:
+    table = numbers(_ours(tmp_path), PUBLISHED, SEQUENCES)
+    low = _altered(table, "table2", "phi_rmse_deg", 0.2, "arc_plane")
+    found = _explained(low, _experiments(tmp_path, _scaled({AS_CONFIGURED: 0.2, "sigma_px=2": 0.8})))
+    assert len(found) == 2
+    assert found["explained_by"].str.startswith("sigma_px=2").all()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (_scaled({AS_CONFIGURED: 0.2, "sigma_px=2": 0.3}), "no change brings it inside"),
+        (
+            lambda t: _scaled({"sigma_px=2": 5.0}, "v_rmse_mps")(
+                _scaled({"sigma_px=2": 5.0}, "p_rmse_m")(_scaled({AS_CONFIGURED: 0.2})(t))
+            ),
+            "sigma_px=2 would",
+        ),
+    ],
+)
+def test_what_helps_too_little_or_harms_more_does_not_explain(
+    tmp_path: Path, change: Change, told: str
+) -> None:
+    """Catches any change passing for a reason."""
+    table = numbers(_ours(tmp_path), PUBLISHED, SEQUENCES)
+    low = _altered(table, "table2", "phi_rmse_deg", 0.2, "arc_plane")
+    found = _explained(low, _experiments(tmp_path, change))
+    assert found["explained_by"].str.startswith(NOT_EXPLAINED).all()
+    assert found["explained_by"].str.contains(told).all()
+
+
+def test_times_are_explained_by_one_factor_only(tmp_path: Path) -> None:
+    """A slower machine explains all times together, not one of them alone."""
+    table = numbers(_ours(tmp_path), PUBLISHED, SEQUENCES)
+    slower = [replace(n, ours=5 * n.ours) if n.quantity.startswith("time_s") else n for n in table]
+    assert not _explained(slower, _experiments(tmp_path))["explained_by"].str.startswith(NOT_EXPLAINED).any()
+    one = _altered(table, "fig07", "time_s median", 5.0, "arc_plane")
+    assert _explained(one, _experiments(tmp_path))["explained_by"].str.startswith(NOT_EXPLAINED).all()
+
+
+def test_prior_paths_are_explained_by_the_squared_weight_where_it_fits(tmp_path: Path) -> None:
+    table = numbers(_ours(tmp_path), PUBLISHED, SEQUENCES)
+    off = _altered(table, "fig06", "prior_position_m", 100.0, "500, step 3")
+    experiments = _experiments(tmp_path)
+    assert list(_explained(off, experiments)["explained_by"]) == ["weights act as their squares"]
+    paths = pd.read_csv(tmp_path / "squared_paths.csv", dtype={"label": str})
+    paths.assign(prior_position_m=100 * paths["prior_position_m"]).to_csv(
+        tmp_path / "squared_paths.csv", index=False
+    )
+    assert _explained(off, experiments)["explained_by"].str.startswith(NOT_EXPLAINED).all()
+
+
+def test_reasons_say_their_numbers(tmp_path: Path) -> None:
+    table = numbers(_ours(tmp_path), PUBLISHED, SEQUENCES)
+    why = {row["id"]: str(row["why"]) for row in reasons(table, _experiments(tmp_path))}
+    assert "0 of 18" in why["ratio-simulation-accuracy"]
+    assert "Path of Fig. 1 over that of our window: 2.00" in why["ratio-sequences"]
+    assert "54 of 54" in why["ratio-times"]
+    assert not any(np.isnan(n.ratio) for n in table)
