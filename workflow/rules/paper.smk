@@ -340,6 +340,7 @@ rule claims:
             *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
             "data/prior_sweep/stamp.json",
             "data/reasons/stamp.json",
+            "data/timing_reasons/stamp.json",
         ],
         code=code_of("claims"),
     output:
@@ -409,6 +410,7 @@ rule comparison:
         expand("{folder}/{name}.csv", folder=OUT, name=[FIGURES[key] for key in COMPARED_FIGURES]),
         expand("data/reasons/{name}.csv", name=[*ACCURACY_REASONS, "squared", "squared_paths"]),
         published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
+        stamps=["data/reasons/stamp.json", "data/reasons/accuracy.stamp.json"],
         code=code_of("comparison"),
     output:
         csv=report(f"{OUT}/comparison.csv", caption="../report/comparison.rst", category="Claims"),
@@ -432,7 +434,8 @@ rule comparison:
     shell:
         "python -m vigauge.cli.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
         " --reasons data/reasons --source {params.source} --published-names {params.names:q}"
-        " --drawn {params.drawn} --output {output.csv:q} --why {output.why:q} --log {log:q}"
+        " --drawn {params.drawn} --output {output.csv:q} --why {output.why:q}"
+        " --stamps {input.stamps:q} --log {log:q}"
 
 
 rule summary:

@@ -71,9 +71,14 @@ rule reasons_accuracy:
             folder=PUBLISHED_FOLDER,
             file=["fig01_euroc_ellipses.csv", "fig09.npz", "fig10.npz"],
         ),
+        stamps=[
+            *expand("data/sequences/{name}/stamp.json", name=PAPER_SEQUENCES),
+            *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
+        ],
         code=code_of("reasons_accuracy"),
     output:
-        expand("data/reasons/{name}.csv", name=ACCURACY_REASONS),
+        tables=expand("data/reasons/{name}.csv", name=ACCURACY_REASONS),
+        stamp="data/reasons/accuracy.stamp.json",
     log:
         "logs/reasons_accuracy.log",
     conda:
@@ -94,7 +99,7 @@ rule reasons_accuracy:
         "python -m vigauge.cli.reasons_accuracy --sequences {params.sequences:q} --truths {params.truths:q}"
         " --covariances {params.covariances:q} --noise {params.noise:q} --published {params.published:q}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --settings {params.settings:q}"
-        " --output {params.output:q} --log {log:q}"
+        " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 # Times, and so in a folder of its own: everything in data/reasons is the same bytes again.
@@ -102,7 +107,8 @@ rule reasons_time:
     input:
         code=code_of("reasons_time"),
     output:
-        f"data/timing_reasons/{ITERATION_TIME}.csv",
+        table=f"data/timing_reasons/{ITERATION_TIME}.csv",
+        stamp="data/timing_reasons/stamp.json",
     log:
         "logs/reasons_time.log",
     conda:
@@ -119,4 +125,4 @@ rule reasons_time:
     shell:
         "python -m vigauge.cli.reasons_time --configuration {params.configuration}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
-        " --settings {params.settings:q} --output {output:q} --log {log:q}"
+        " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"

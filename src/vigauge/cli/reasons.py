@@ -66,6 +66,21 @@ def solved(options: argparse.Namespace, settings: Settings, solver: Options) -> 
     return tables
 
 
+# Tables of this stage; other experiments write beside them.
+TABLES = (
+    "orbit",
+    "yaw",
+    "damping",
+    "tolerance",
+    "weights",
+    "plateau",
+    "squared",
+    "squared_paths",
+    "exchange",
+    "first_step",
+)
+
+
 def squared_weights(published: Path, problems: list[Problem], solver: Options) -> list[Row]:
     """Iterations at the weights of the paper's Fig. 5 and at their squares, beside the published medians.
 
@@ -122,8 +137,8 @@ def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
     with threadpool_limits(limits=1):
         tables = solved(options, settings, solver) | read_off(options)
-    for name, rows in tables.items():
-        write_rows(options.output / f"{name}.csv", rows)
+    for name in TABLES:
+        write_rows(options.output / f"{name}.csv", tables[name])
 
 
 def main() -> None:
@@ -147,7 +162,7 @@ def main() -> None:
         arguments,
         Stamped(
             {"solver": "solver", "prior_weight": "prior.weight", "settings": "reasons"},
-            files=lambda options: sorted(options.output.glob("*.csv")),
+            files=lambda options: [options.output / f"{name}.csv" for name in TABLES],
         ),
     )
 

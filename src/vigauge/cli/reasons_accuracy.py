@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from vigauge.archive import load_arrays, load_problems, load_states
 from vigauge.cli.artefacts import add_solver, named_file, named_text
 from vigauge.cli.sensitivity import changed
-from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
 from vigauge.files import write_rows
 from vigauge.gauge import FixedGauge, FreeGauge, Gauge
 from vigauge.levenberg_marquardt import Options
@@ -147,6 +147,10 @@ def paths(truths: list[tuple[str, Path]], published: Path) -> list[Row]:
     return rows
 
 
+# Tables of this stage; other experiments write beside them.
+TABLES = ("accuracy", "sequence_accuracy", "expected", "paths")
+
+
 def work(options: argparse.Namespace) -> None:
     accuracy = settings_from(AccuracySettings, options.settings, "reasons.accuracy")
     simulation = settings_from(SimulationSettings, options.simulation, "simulation")
@@ -166,8 +170,8 @@ def work(options: argparse.Namespace) -> None:
         "expected": expectations(options.covariances, options.published),
         "paths": paths(options.truths, options.published),
     }
-    for name, table in tables.items():
-        write_rows(options.output / f"{name}.csv", table)
+    for name in TABLES:
+        write_rows(options.output / f"{name}.csv", tables[name])
 
 
 def main() -> None:
@@ -194,7 +198,14 @@ def main() -> None:
         "--settings", type=json_argument, required=True, help="config section 'reasons.accuracy'"
     )
     arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
-    run(work, arguments)
+    run(
+        work,
+        arguments,
+        Stamped(
+            {"simulation": "simulation", "solver": "solver", "settings": "accuracy"},
+            files=lambda options: [options.output / f"{name}.csv" for name in TABLES],
+        ),
+    )
 
 
 if __name__ == "__main__":

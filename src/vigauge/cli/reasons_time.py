@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from vigauge.cli.artefacts import add_prior_weight, add_solver
-from vigauge.cli.stage import json_argument, parser, run, settings_from
+from vigauge.cli.stage import Stamped, json_argument, parser, run, settings_from
 from vigauge.files import write_rows
 from vigauge.gauge import three_gauges
 from vigauge.levenberg_marquardt import Options
@@ -49,7 +49,19 @@ def main() -> None:
         "--settings", type=json_argument, required=True, help="config section 'iteration_time'"
     )
     arguments.add_argument("--output", type=Path, required=True, help="a row a run")
-    run(work, arguments)
+    run(
+        work,
+        arguments,
+        Stamped(
+            {
+                "simulation": "simulation",
+                "solver": "solver",
+                "prior_weight": "prior.weight",
+                "settings": "iteration_time",
+            },
+            timings=("output",),
+        ),
+    )
 
 
 if __name__ == "__main__":
