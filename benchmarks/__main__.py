@@ -52,11 +52,14 @@ sys.exit(not vg.solve(problem, vg.FreeGauge()).converged)
 def chosen_sizes(text: str) -> list[Size]:
     """Sizes by name, or by their numbers of keyframes."""
     known = dict(SIZES)
-    pairs = NAMED.get(text) or [(int(n), known.get(int(n), 0)) for n in text.split(",")]
-    unknown = [str(n) for n, k in pairs if not k]
+    if text in NAMED:
+        return [Size(n, k) for n, k in NAMED[text]]
+    names = text.split(",")
+    unknown = [name for name in names if not name.isdecimal() or int(name) not in known]
     if unknown:
-        raise argparse.ArgumentTypeError(f"{', '.join(unknown)}: choose from {', '.join(map(str, known))}")
-    return [Size(n, k) for n, k in pairs]
+        choice = ", ".join([*NAMED, *map(str, known)])
+        raise argparse.ArgumentTypeError(f"unknown size {', '.join(unknown)!r}: choose from {choice}")
+    return [Size(int(name), known[int(name)]) for name in names]
 
 
 def say(text: str) -> None:

@@ -7,6 +7,7 @@ keyframes, so that work grows with the length of the flight and not with its squ
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from vigauge.simulation.trajectories import LOOK_ALONG_X, SAMPLES_PER_SECOND
 from vigauge.so3 import Array
 from vigauge.state import State
 
-from .exchange import write_problem
+from . import exchange
 
 Index = NDArray[np.int64]
 
@@ -188,11 +189,12 @@ def _candidates(
     """
     n = len(p_W)
     length = rng.choice(TRACK_LENGTHS, count)
-    begin = rng.integers(0, n - length + 1)
+    # Windows may hang over both ends of the flight, so that its first and last keyframes see as much.
+    begin = rng.integers(MINIMUM_VIEWS - length, n - MINIMUM_VIEWS + 1)
     window = begin[:, None] + np.arange(max(TRACK_LENGTHS))
-    inside = np.arange(max(TRACK_LENGTHS)) < length[:, None]
-    window = np.minimum(window, n - 1)
-    last = begin + length - 1
+    inside = (np.arange(max(TRACK_LENGTHS)) < length[:, None]) & (window >= 0) & (window < n)
+    window = np.clip(window, 0, n - 1)
+    last = np.minimum(begin + length, n) - 1
     near, far = settings.landmark_depth_m
     u, v = rng.uniform(0.0, [camera.width - 1, camera.height - 1], (count, 2)).T
     ray_C = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(count)], axis=1)
@@ -223,11 +225,14 @@ def _parallax(X_W: Array, p_W: Array, window: Index, seen: NDArray[np.bool_]) ->
 def cached_problem(size: Size, folder: Path) -> tuple[Path, Path]:
     """Files of a problem, made if missing: ``.npz`` for Python, ``.bin`` for the C++ program.
 
-    Both hold the same doubles; whatever runs starts from one of them.
+    Both hold the same doubles; whatever runs starts from one of them. Their name changes with this
+    file, the next, and the configuration.
     """
-    npz, binary = folder / f"{size.name}_s{size.seed}.npz", folder / f"{size.name}_s{size.seed}.bin"
+    sources = (Path(__file__), Path(exchange.__file__), CONFIG)
+    recipe = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:8]
+    npz, binary = (folder / f"{size.name}_s{size.seed}_{recipe}{ending}" for ending in (".npz", ".bin"))
     if not npz.is_file():
         save_problems(npz, [make_problem(size)])
     if not binary.is_file():
-        write_problem(binary, load_problems(npz)[0])
+        exchange.write_problem(binary, load_problems(npz)[0])
     return npz, binary

@@ -12,9 +12,12 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from vigauge.errors import VigaugeError
+
+ROOT = Path(__file__).resolve().parent.parent
 
 
 class DroppedOut(VigaugeError):
@@ -55,12 +58,13 @@ class SolverProcess:
             stdout=subprocess.PIPE,
             stderr=self.errors,
             text=True,
+            cwd=ROOT,  # where `python -m benchmarks.worker` finds itself
             env=pinned(threads) | dict(environment or {}),
             preexec_fn=lambda: _restrict(threads, memory_gib),
         )
         self.lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         threading.Thread(target=self._listen, daemon=True).start()
-        self._answer(limit_s)
+        self.first = self._answer(limit_s)
 
     def _listen(self) -> None:
         assert self.process.stdout is not None
