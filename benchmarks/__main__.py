@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -18,26 +19,25 @@ from vigauge.archive import load_problems
 from vigauge.errors import VigaugeError
 from vigauge.files import write_json, write_rows
 from vigauge.gauge import FreeGauge
-from vigauge.levenberg_marquardt import solve
+from vigauge.levenberg_marquardt import Options, solve
 from vigauge.machine import describe_machine, versions
 from vigauge.tables import markdown
 
 from .competitors import FUNCTION_TOLERANCE, GAUGES, MAXIMUM_ITERATIONS, OURS, Competitor, competitors
-from .exchange import read_state
 from .limits import iteration_stages, measure_peak
 from .native import describe
 from .paper_time import RESULT as PAPER_RESULT
 from .paper_time import whole_paper_s
 from .problems import SIZES, Size, cached_problem
 from .process import pinned
-from .race import Bench, Entry, Rules, least_seconds, race_covariances, race_solves
+from .race import PARTS, Bench, Entry, Rules, least_seconds, race_covariances, race_solves
 from .results import Row, covariance_rows, roofline_rows, scaling_rows, solve_rows
 from .targets import target_rows
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 NAMED = {"small": SIZES[:2], "medium": SIZES[:3], "all": SIZES}
-# Whole 9N x 9N covariances of longer problems are nobody's wish: half a gigabyte and more.
+# Whole 9N x 9N covariances of longer problems are nobody's wish, half a gigabyte and more; their blocks are.
 LARGEST_COVARIANCE = 300
 STARTS = 7
 
@@ -97,8 +97,8 @@ class Suite:
         self.floors: dict[str, float] = {}
         self.others: dict[str, float] = {}
         self.peak = measure_peak()
-        # By solver and threads: late once is late for longer problems too.
-        self.late: set[tuple[str, int]] = set()
+        # Why a solver is not tried any more: late once is late for longer problems too.
+        self.out: dict[str, str] = {}
         # Seconds of the covariances at the last size.
         self.known: dict[str, float] = {}
         self.last = Size(1, 0)
@@ -114,18 +114,18 @@ class Suite:
         with tempfile.TemporaryDirectory() as scratch:
             bench = Bench(problem, files, Path(scratch), self.rules, say)
             for threads, gauges in ((1, GAUGES), (2, ("free",))):
+                if threads > (os.cpu_count() or 1):
+                    say(f"{size.name}: no second core for two threads")
+                    continue
                 say(f"{size.name}: solve, {threads} thread{'s' * (threads > 1)}")
                 entries = self._solves(bench, size, threads, gauges)
                 self.solves += solve_rows(size.name, problem, entries)
-            if size.n_keyframes <= LARGEST_COVARIANCE:
-                say(f"{size.name}: motion covariance")
-                file = Path(scratch) / f"{OURS}_free.state"
-                state = (
-                    read_state(file, problem.initial) if file.is_file() else solve(problem, FreeGauge()).state
-                )
-                entries = race_covariances(bench, self.field, state, 1, self._scaled(size))
-                self.covariances += covariance_rows(size.name, problem, entries)
-                self.known, self.last = least_seconds(entries), size
+            say(f"{size.name}: motion covariance")
+            state = solve(problem, FreeGauge(), Options(function_tolerance=FUNCTION_TOLERANCE)).state
+            parts = PARTS if size.n_keyframes <= LARGEST_COVARIANCE else ("blocks",)
+            entries = race_covariances(bench, self.field, state, 1, self._scaled(size), parts)
+            self.covariances += covariance_rows(size.name, problem, entries)
+            self.known, self.last = least_seconds(entries), size
         if size.n_keyframes in (10, 100, 1000):
             self.profile += profile_rows(size.name, files[0])
         if size.n_keyframes == 10:
@@ -135,30 +135,33 @@ class Suite:
     def _scaled(self, size: Size) -> dict[str, float]:
         """Least seconds to expect of each covariance at a size, from the one before."""
         factor = size.n_parameters / self.last.n_parameters
-        growth = {
-            f"{c.name} {gauge}": c.growth.get(gauge, 1.0) for c in self.field for gauge in c.covariances
+        growth = {c.name: c.growth for c in self.field}
+        return {
+            label: seconds * factor ** growth[label.split()[0]].get(label.split()[1], 1.0)
+            for label, seconds in self.known.items()
         }
-        return {name: seconds * factor ** growth[name] for name, seconds in self.known.items()}
 
     def _solves(self, bench: Bench, size: Size, threads: int, gauges: tuple[str, ...]) -> list[Entry]:
         running: list[Competitor] = []
         entries: list[Entry] = []
         for competitor in self.field:
-            if (competitor.name, threads) in self.late:
-                note = f"not tried: over {self.rules.limit_s:g} s at a smaller size"
-                entries += [
-                    Entry(competitor.name, g, threads, status=note)
-                    for g in competitor.gauges_at(size.n_keyframes)
-                    if g in gauges
-                ]
-            # One core is all that SciPy's solver uses.
-            elif threads == 1 or competitor.name != "scipy":
+            if not competitor.runs_with(threads, size.n_keyframes):
+                continue
+            if competitor.name not in self.out:
                 running.append(competitor)
+                continue
+            entries += [
+                Entry(competitor.name, gauge, threads, status=f"not tried: {self.out[competitor.name]}")
+                for gauge in competitor.gauges_at(size.n_keyframes)
+                if gauge in gauges
+            ]
         raced = race_solves(bench, running, threads, gauges)
-        # Late in every gauge: in the free one too.
         for entry in raced:
-            if entry.status.startswith("over") and entry.gauge == "free":
-                self.late |= {(entry.solver, 1), (entry.solver, 2)}
+            if entry.gauge == "free" and entry.solver != OURS:
+                if entry.status.startswith("over"):
+                    self.out[entry.solver] = f"{entry.status} at {size.name}"
+                elif entry.status == "differs" and not entry.converged:
+                    self.out[entry.solver] = f"did not converge at {size.name}"
         return raced + entries
 
     def write(self) -> list[Row]:

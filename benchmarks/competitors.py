@@ -27,7 +27,8 @@ class Competitor:
     command : arguments before (problem file, threads, tolerance, iterations)
     binary : whether it reads the ``.bin`` file instead of the ``.npz``
     gauges : those it can solve in
-    covariances : gauge to ways of computing a covariance there
+    covariances : gauge to its way of computing the whole motion covariance there
+    blocks : gauges in which it computes the diagonal blocks alone
     growth : gauge to the power of the number of parameters with which a covariance's time grows at least
     absent : why it is not to be had here, or None
     """
@@ -36,7 +37,8 @@ class Competitor:
     command: tuple[str, ...]
     binary: bool
     gauges: tuple[str, ...]
-    covariances: dict[str, tuple[str, ...]]
+    covariances: dict[str, str]
+    blocks: tuple[str, ...] = ()
     growth: dict[str, float] = field(default_factory=dict)
     absent: str | None = None
 
@@ -44,6 +46,17 @@ class Competitor:
         """The whole command line for a problem."""
         problem = files[1] if self.binary else files[0]
         return [*self.command, str(problem), str(threads), repr(FUNCTION_TOLERANCE), str(MAXIMUM_ITERATIONS)]
+
+    def runs_with(self, threads: int, n_keyframes: int) -> bool:
+        """Whether it races with more than one thread.
+
+        SciPy has no use for a second one, nor has this GTSAM, which shows it up to where that costs minutes.
+        """
+        return (
+            threads == 1
+            or self.name not in ("scipy", "gtsam")
+            or (self.name == "gtsam" and n_keyframes <= 300)
+        )
 
     def gauges_at(self, n_keyframes: int) -> tuple[str, ...]:
         """Gauges solved in at a size: peers of long problems in the free one only, for time's sake."""
@@ -78,17 +91,19 @@ def competitors(build_folder: Path) -> list[Competitor]:
         None if find_spec("gtsam") else "gtsam is left out: it is not installed (pip install vigauge[bench])"
     )
     return [
-        Competitor(OURS, python("vigauge"), False, GAUGES, dict.fromkeys(GAUGES, ("-",))),
+        Competitor(OURS, python("vigauge"), False, GAUGES, dict.fromkeys(GAUGES, "-"), GAUGES),
         Competitor(
             "ceres",
             (program,),
             True,
             GAUGES,
-            {"fix": ("sparse_qr",), "free": ("dense_svd",)},
+            {"fix": "sparse_qr", "free": "dense_svd"},
             growth={"free": 2.5},
             absent=absent,
         ),
-        Competitor("gtsam", python("gtsam"), False, ("prior", "free"), {"prior": ("-",)}, absent=no_gtsam),
+        Competitor(
+            "gtsam", python("gtsam"), False, ("prior", "free"), {"prior": "-"}, ("prior",), absent=no_gtsam
+        ),
         Competitor("scipy", python("scipy"), False, ("free",), {}),
-        Competitor("pinv", python("pinv"), False, (), {"free": ("full",)}, growth={"free": 2.5}),
+        Competitor("pinv", python("pinv"), False, (), {"free": "full"}, growth={"free": 2.5}),
     ]

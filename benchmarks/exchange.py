@@ -88,14 +88,14 @@ def read_state(path: Path, like: State) -> State:
 
 
 def write_matrix(path: Path, matrix: np.ndarray) -> None:
-    """A square matrix, row by row, without a header."""
+    """A matrix, or several, row by row, without a header."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(np.asarray(matrix, dtype="<f8").tobytes())
 
 
-def read_matrix(path: Path, order: int) -> np.ndarray:
-    """(order, order); DataError for a file of another length."""
+def read_matrix(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+    """What :func:`write_matrix` or the C++ program wrote; DataError for a file of another length."""
     values = np.fromfile(path, "<f8")
-    if len(values) != order * order:
-        raise DataError(path, f"must hold {order} x {order} numbers", value=len(values))
-    return values.reshape(order, order)
+    if len(values) != np.prod(shape):
+        raise DataError(path, f"must hold {' x '.join(map(str, shape))} numbers", value=len(values))
+    return values.reshape(shape)

@@ -136,13 +136,32 @@ def motion_keys(n_keyframes: int) -> list[int]:
     return [X(i) for i in range(n_keyframes)] + [V(i) for i in range(n_keyframes)]
 
 
+def keyframe_keys(n_keyframes: int) -> list[list[int]]:
+    """Pose and velocity of each keyframe."""
+    return [[X(i), V(i)] for i in range(n_keyframes)]
+
+
+def _left(state: State, keyframe: int) -> Array:
+    """(3, 3) from increments on the right, in the body, to the parameters of a rotation."""
+    R = state.R_WB[keyframe]
+    return R if keyframe else so3.left_jacobian_inverse(state.dphi_0) @ R
+
+
+def blocks_in_our_parameters(joints: list[gtsam.JointMarginal], state: State) -> Array:
+    """(N, 9, 9) of (position, rotation, velocity), from the joint marginals of :func:`keyframe_keys`."""
+    T = np.zeros((len(joints), 9, 9))
+    for i, R in enumerate(state.R_WB):
+        T[i, 0:3, 3:6], T[i, 3:6, 0:3], T[i, 6:9, 6:9] = R, _left(state, i), np.eye(3)
+    return T @ np.array([joint.fullMatrix() for joint in joints]) @ T.swapaxes(1, 2)
+
+
 def in_our_parameters(joint: gtsam.JointMarginal, state: State) -> Array:
     """(9N, 9N) covariance of left increments in W, in our order, from the joint marginal of
     :func:`motion_keys`."""
     n = state.n_keyframes
     T = np.zeros((9 * n, 9 * n))
     for i, R in enumerate(state.R_WB):
-        left = R if i else so3.left_jacobian_inverse(state.dphi_0) @ R
+        left = _left(state, i)
         T[3 * i : 3 * i + 3, 6 * i + 3 : 6 * i + 6] = R  # GTSAM: rotation, then translation, in the body
         T[3 * (n + i) : 3 * (n + i) + 3, 6 * i : 6 * i + 3] = left
         T[3 * (2 * n + i) : 3 * (2 * n + i) + 3, 3 * (2 * n + i) : 3 * (2 * n + i) + 3] = np.eye(3)

@@ -7,7 +7,7 @@ once, in an order that turns from round to round. A time counts only where the e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +27,9 @@ COST_TOLERANCE = 1e-6
 # frame: at a point where errors are not zero its Jacobian differs by their products.
 COVARIANCE_TOLERANCE = {"gtsam": 1e-3}
 COVARIANCE_TOLERANCE_OTHERS = 1e-6
+
+# Of a covariance: all of it, or the 9 x 9 blocks of the keyframes.
+PARTS = ("whole", "blocks")
 
 Say = Callable[[str], None]
 
@@ -61,6 +64,13 @@ class Entry:
     trial_s: float = 0.0
     distance: float = 0.0
     peak_mib: float = 0.0
+    part: str = ""
+    converged: bool = True
+
+    @property
+    def label(self) -> str:
+        """Who does what: of a covariance with its part."""
+        return " ".join(word for word in (self.solver, self.gauge, self.part) if word)
 
     @property
     def counts(self) -> bool:
@@ -181,8 +191,7 @@ def _try_solve(
         answer = process.ask("solve", entry.gauge, variant)
         if competitor.name == OURS:
             entry.peak_mib = float(answer["peak_mib"])
-            if answer["seconds"] < bench.rules.budget_s:
-                answer = process.ask("solve", entry.gauge, variant)  # without compilation
+            answer = process.ask("solve", entry.gauge, variant)  # without compilation
         each = answer["seconds"] / max(answer["iterations"], 1)
         if each < best:
             best = each
@@ -191,44 +200,48 @@ def _try_solve(
             file = bench.scratch / f"{competitor.name}_{entry.gauge}.state"
             process.ask("state", file)
             cost = judge.cost(read_state(file, bench.problem.initial))
-            if not answer["converged"]:
+            entry.converged = bool(answer["converged"])
+            if not entry.converged:
                 bench.say(f"  {competitor.name} {entry.gauge}: stopped before it converged")
     return cost
 
 
 def race_covariances(
-    bench: Bench, field_: Iterable[Competitor], state: State, threads: int, known_s: dict[str, float]
+    bench: Bench,
+    field_: Iterable[Competitor],
+    state: State,
+    threads: int,
+    known_s: Mapping[str, float],
+    parts: Sequence[str] = PARTS,
 ) -> list[Entry]:
-    """Motion covariances at one state; ``known_s`` has times at a smaller size, scaled to this one.
+    """Motion covariances at one state, the whole matrix and its diagonal blocks, as ``parts`` says.
 
-    ``known_s`` maps "solver gauge" to the least time that is to be expected here; whoever would be late is
-    not tried.
+    ``known_s`` maps "solver gauge part" to the least seconds that are to be expected here; whoever would be
+    late is not tried.
     """
-    order = 9 * bench.n_keyframes
     place = bench.scratch / "estimate.state"
     write_state(place, state)
     entries: list[Entry] = []
-    ours: dict[str, np.ndarray] = {}
+    ours: dict[tuple[str, str], np.ndarray] = {}
     with ExitStack() as stack:
         runners = _Runners(bench, threads, stack)
         by_name = {competitor.name: competitor for competitor in field_}
         for competitor in by_name.values():
-            for gauge, variants in competitor.covariances.items():
-                entry = Entry(competitor.name, gauge, threads, variant=variants[0])
+            for gauge, variant, part in _covariances(competitor, parts):
+                entry = Entry(competitor.name, gauge, threads, variant=variant, part=part)
                 entries.append(entry)
-                expected = known_s.get(f"{competitor.name} {gauge}", 0.0)
-                if expected > bench.rules.limit_s:
+                if known_s.get(entry.label, 0.0) > bench.rules.limit_s:
                     entry.status = f"not tried: over {bench.rules.limit_s:g} s expected from smaller sizes"
                     bench.say(f"  {_told(entry)}")
                     continue
                 try:
-                    matrix = _try_covariance(bench, runners.of(competitor), competitor, entry, place, order)
+                    matrix = _try_covariance(bench, runners.of(competitor), competitor, entry, place)
                 except DroppedOut as reason:
                     entry.status = str(reason)
                 else:
                     if competitor.name == OURS:
-                        ours[gauge] = matrix
-                    _judge_covariance(entry, matrix, ours.get(gauge))
+                        ours[gauge, part] = matrix
+                    _judge_covariance(entry, matrix, ours.get((gauge, part)))
                 bench.say(f"  {_told(entry)}")
 
         def run(entry: Entry) -> float:
@@ -239,20 +252,27 @@ def race_covariances(
     return entries
 
 
+def _covariances(competitor: Competitor, parts: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+    """(gauge, variant, part) of all that a solver computes."""
+    if "whole" in parts:
+        yield from ((gauge, variant, "whole") for gauge, variant in competitor.covariances.items())
+    if "blocks" in parts:
+        yield from ((gauge, "blocks", "blocks") for gauge in competitor.blocks)
+
+
 def _try_covariance(
-    bench: Bench, process: SolverProcess, competitor: Competitor, entry: Entry, place: Path, order: int
+    bench: Bench, process: SolverProcess, competitor: Competitor, entry: Entry, place: Path
 ) -> np.ndarray:
     process.ask("prepare", entry.gauge)
     process.ask("at", place)
     for _ in range(2 if competitor.name == OURS else 1):  # ours compiles in its first
         answer = process.ask("covariance", entry.gauge, entry.variant)
-        if answer["seconds"] > bench.rules.budget_s:
-            break
     entry.iterations = 1
     entry.trial_s, entry.peak_mib = float(answer["seconds"]), float(answer["peak_mib"])
-    file = bench.scratch / f"{competitor.name}_{entry.gauge}.matrix"
+    file = bench.scratch / f"{competitor.name}_{entry.gauge}_{entry.part}.matrix"
     process.ask("matrix", file)
-    matrix = read_matrix(file, order)
+    n = bench.n_keyframes
+    matrix = read_matrix(file, (n, 9, 9) if entry.part == "blocks" else (9 * n, 9 * n))
     file.unlink()
     return matrix
 
@@ -268,15 +288,14 @@ def _judge_covariance(entry: Entry, matrix: np.ndarray, ours: np.ndarray | None)
 
 def _told(entry: Entry) -> str:
     """One line of progress."""
-    head = f"{entry.solver} {entry.gauge}"
     if entry.status != "measured":
-        return f"{head}: {entry.status}"
-    return f"{head}: {1e3 * entry.trial_s:.1f} ms, {entry.iterations} steps ({entry.variant})"
+        return f"{entry.label}: {entry.status}"
+    steps = "" if entry.part else f", {entry.iterations} steps ({entry.variant})"
+    return f"{entry.label}: {1e3 * entry.trial_s:.1f} ms{steps}"
 
 
 def least_seconds(entries: Iterable[Entry]) -> dict[str, float]:
-    """Seconds of each "solver gauge" of a race; infinite for who was late, and so stays late."""
+    """Seconds of each "solver gauge part" of a race; infinite for who was late, and so stays late."""
     return {
-        f"{e.solver} {e.gauge}": float("inf") if e.status.startswith(("over", "not tried")) else e.trial_s
-        for e in entries
+        e.label: float("inf") if e.status.startswith(("over", "not tried")) else e.trial_s for e in entries
     }

@@ -45,8 +45,9 @@ def _ratios(entry: Entry, others: Mapping[str, Entry | None]) -> tuple[Row, Row]
     return ratios, intervals
 
 
-def _find(entries: Iterable[Entry], solver: str, gauge: str | None = None) -> Entry | None:
-    return next((e for e in entries if e.solver == solver and gauge in (None, e.gauge)), None)
+def _find(entries: Iterable[Entry], solver: str, gauge: str | None = None, part: str = "") -> Entry | None:
+    fits = (e for e in entries if e.solver == solver and e.part == part and gauge in (None, e.gauge))
+    return next(fits, None)
 
 
 def _ms(seconds: Sequence[float]) -> object:
@@ -83,17 +84,17 @@ def solve_rows(name: str, problem: Problem, entries: Sequence[Entry]) -> list[Ro
 def covariance_rows(name: str, problem: Problem, entries: Sequence[Entry]) -> list[Row]:
     """Rows of covariance.csv.
 
-    All compute the 9N x 9N motion block. pinv has it in the free gauge only, GTSAM under the prior
-    only: every row is compared with those.
+    Rows of one part are compared: the 9N x 9N motion block, or its diagonal blocks. pinv has it in the
+    free gauge only, GTSAM under the prior only: every row is compared with those.
     """
     rows = []
-    peers = {
-        "pinv": _find(entries, "pinv"),
-        "marginals": _find(entries, "gtsam"),
-        "ceres": _find(entries, "ceres", "fix"),
-        "fixed": _find(entries, OURS, "fix"),
-    }
     for entry in entries:
+        peers = {
+            "pinv": _find(entries, "pinv", part=entry.part),
+            "marginals": _find(entries, "gtsam", part=entry.part),
+            "ceres": _find(entries, "ceres", "fix", part=entry.part),
+            "fixed": _find(entries, OURS, "fix", part=entry.part),
+        }
         ratios, intervals = _ratios(entry, peers)
         rows.append(
             {
@@ -101,6 +102,7 @@ def covariance_rows(name: str, problem: Problem, entries: Sequence[Entry]) -> li
                 "solver": entry.solver,
                 "gauge": entry.gauge,
                 "threads": entry.threads,
+                "part": entry.part,
                 "ms_total": _ms(entry.seconds) if entry.counts else "",
                 **ratios,
                 **intervals,

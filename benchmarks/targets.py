@@ -76,11 +76,11 @@ def target_rows(
             out.append(_row(text.format(n=n), value, wanted, at_least=True, interval=interval))
     for text, gauge, column, sizes in COVARIANCE:
         for n, wanted in sizes.items():
-            value, interval = _cell(covariances, column, n_keyframes=n, gauge=gauge, threads=1)
+            value, interval = _cell(covariances, column, n_keyframes=n, gauge=gauge, threads=1, part="whole")
             out.append(_row(text.format(n=n), value, wanted, at_least=True, interval=interval))
-    for n in sorted({int(str(row["n_keyframes"])) for row in covariances}):
+    for n in sorted({int(str(row["n_keyframes"])) for row in covariances if row["part"] == "whole"}):
         # The column has the fixed gauge's time over this one's.
-        value, _ = _cell(covariances, "ratio_to_fixed", n_keyframes=n, gauge="free", threads=1)
+        value, _ = _cell(covariances, "ratio_to_fixed", n_keyframes=n, gauge="free", threads=1, part="whole")
         value = "" if value == "" else round(1.0 / float(str(value)), 4)
         out.append(_row(f"free over fixed covariance time, N = {n}", value, FREE_OVER_FIXED, at_least=False))
     value, _ = _cell(scaling, "exponent_keyframes", threads=1)

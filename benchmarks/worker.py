@@ -13,6 +13,7 @@ import resource
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -22,6 +23,7 @@ from vigauge.archive import load_problems
 from vigauge.covariance import motion_covariance
 from vigauge.gauge import FixedGauge, FreeGauge, Gauge, PriorGauge
 from vigauge.levenberg_marquardt import Options, Status, solve
+from vigauge.marginals import keyframe_covariances
 from vigauge.problem import Problem
 from vigauge.so3 import Array
 from vigauge.state import State
@@ -41,11 +43,16 @@ class Solver(Protocol):
         """Estimate from the problem's start; seconds, iterations (linear solves), cost, converged."""
 
     def covariance(self, state: State, gauge: str, variant: str) -> tuple[Array, float]:
-        """(9N, 9N) motion covariance, and the seconds it took."""
+        """Motion covariance and the seconds it took: (9N, 9N), or with the variant "blocks" its diagonal
+        blocks (N, 9, 9) of (position, rotation, velocity)."""
 
 
 class Vigauge:
-    """This package."""
+    """This package.
+
+    What it keeps of a problem's structure from run to run is thrown away before each: the others
+    analyse it anew too.
+    """
 
     def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int) -> None:
         self.problem = problem
@@ -54,13 +61,17 @@ class Vigauge:
             "prior": PriorGauge(PRIOR_WEIGHT),
             "free": FreeGauge(),
         }
-        self.options = Options(function_tolerance=tolerance, maximum_iterations=limit)
+        self.options = Options(function_tolerance=tolerance, maximum_iterations=limit, threads=threads)
 
     def prepare(self, gauge: str) -> None:
         pass
 
+    def _forgotten(self) -> Problem:
+        return replace(self.problem)
+
     def solve(self, gauge: str, variant: str) -> tuple[State, dict[str, Any]]:
-        solution = solve(self.problem, self.gauges[gauge], self.options, clock=time.perf_counter)
+        problem = self._forgotten()
+        solution = solve(problem, self.gauges[gauge], self.options, clock=time.perf_counter)
         # The trace has the start, and lacks the step that met a tolerance and was not taken.
         untaken = solution.status in (Status.FUNCTION_TOLERANCE, Status.PARAMETER_TOLERANCE)
         return solution.state, {
@@ -71,8 +82,10 @@ class Vigauge:
         }
 
     def covariance(self, state: State, gauge: str, variant: str) -> tuple[Array, float]:
+        compute = keyframe_covariances if variant == "blocks" else motion_covariance
+        problem = self._forgotten()
         begin = time.perf_counter()
-        covariance = motion_covariance(self.problem, state, self.gauges[gauge])
+        covariance = compute(problem, state, self.gauges[gauge])
         return covariance, time.perf_counter() - begin
 
 
@@ -117,6 +130,13 @@ class Gtsam:
         import gtsam
 
         graph, values = self._graph(gauge), self.peer.values_of(self.problem, state)
+        if variant == "blocks":
+            pairs = self.peer.keyframe_keys(state.n_keyframes)
+            begin = time.perf_counter()
+            marginals = gtsam.Marginals(graph, values)
+            joints = [marginals.jointMarginalCovariance(pair) for pair in pairs]
+            seconds = time.perf_counter() - begin
+            return self.peer.blocks_in_our_parameters(joints, state), seconds
         keys = self.peer.motion_keys(state.n_keyframes)
         begin = time.perf_counter()
         joint = gtsam.Marginals(graph, values).jointMarginalCovariance(keys)

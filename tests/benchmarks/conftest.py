@@ -75,6 +75,6 @@ def fake(tmp_path):
 
     def make(manner: str, name: str = "ceres") -> Competitor:
         command = (sys.executable, str(script), manner)
-        return Competitor(name, command, False, ("free",), {"free": ("-",)})
+        return Competitor(name, command, False, ("free",), {"free": "-"})
 
     return make

@@ -133,9 +133,9 @@ def test_state_and_matrix_round_trip(small, tmp_path):
         read_state(file, problem.initial)
     matrix = np.arange(9.0).reshape(3, 3)
     write_matrix(tmp_path / "m", matrix)
-    assert np.array_equal(read_matrix(tmp_path / "m", 3), matrix)
+    assert np.array_equal(read_matrix(tmp_path / "m", (3, 3)), matrix)
     with pytest.raises(DataError, match="4 x 4"):
-        read_matrix(tmp_path / "m", 4)
+        read_matrix(tmp_path / "m", (4, 4))
 
 
 def test_npz_holds_the_same_numbers(small):

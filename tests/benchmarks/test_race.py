@@ -23,7 +23,7 @@ SOLVE_COLUMNS = (
 @pytest.fixture
 def ours() -> Competitor:
     return Competitor(
-        OURS, (sys.executable, "-m", "benchmarks.worker", OURS), False, ("free",), {"free": ("-",)}
+        OURS, (sys.executable, "-m", "benchmarks.worker", OURS), False, ("free",), {"free": "-"}
     )
 
 
@@ -113,11 +113,15 @@ def test_wrong_covariance_yields_no_ratio(bench: Bench, ours, fake):
 
 def test_hopeless_covariance_is_not_tried(bench: Bench, ours, fake, said):
     """Catches two minutes spent on what was late at a smaller size already."""
-    known = {"pinv free": 21.0}
+    known = {"pinv free whole": 21.0}
     entries = race_covariances(bench, [ours, fake("slow", "pinv")], bench.problem.initial, 1, known)
     assert entries[1].status.startswith("not tried: over 20 s")
-    late = [Entry("pinv", "free", 1, status="over 20 s"), Entry(OURS, "free", 1, trial_s=2.0)]
-    assert least_seconds([*late, entries[1]]) == {"pinv free": float("inf"), f"{OURS} free": 2.0}
+    late = Entry("gtsam", "prior", 1, status="over 20 s", part="blocks")
+    assert least_seconds([late, entries[1], Entry(OURS, "free", 1, trial_s=2.0, part="whole")]) == {
+        "gtsam prior blocks": float("inf"),
+        "pinv free whole": float("inf"),
+        f"{OURS} free whole": 2.0,
+    }
 
 
 def test_slow_solvers_run_less_often():
@@ -185,7 +189,7 @@ def test_scaling_rows():
 def test_targets_are_judged():
     """Catches verdicts the wrong way round, and a missing measurement that passes."""
     covariance = {
-        "solver": OURS, "threads": 1, "n_keyframes": 10, "gauge": "free",
+        "solver": OURS, "threads": 1, "n_keyframes": 10, "gauge": "free", "part": "whole",
         "ratio_to_pinv": 500.0, "ratio_to_marginals": 30.0, "ratio_to_fixed": 0.8,
     }  # fmt: skip
     rows = {r["quantity"]: r for r in target_rows([], [covariance], scaling_example(), {"start_s": 0.5})}
