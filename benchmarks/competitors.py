@@ -29,6 +29,7 @@ class Competitor:
     gauges : those it can solve in
     covariances : gauge to its way of computing the whole motion covariance there
     blocks : gauges in which it computes the diagonal blocks alone
+    environment : set for its process, on top of as many threads for every library
     growth : gauge to the power of the number of parameters with which a covariance's time grows at least
     absent : why it is not to be had here, or None
     """
@@ -40,6 +41,7 @@ class Competitor:
     covariances: dict[str, str]
     blocks: tuple[str, ...] = ()
     growth: dict[str, float] = field(default_factory=dict)
+    environment: dict[str, str] = field(default_factory=dict)
     absent: str | None = None
 
     def arguments(self, files: tuple[Path, Path], threads: int) -> list[str]:
@@ -91,7 +93,16 @@ def competitors(build_folder: Path) -> list[Competitor]:
         None if find_spec("gtsam") else "gtsam is left out: it is not installed (pip install vigauge[bench])"
     )
     return [
-        Competitor(OURS, python("vigauge"), False, GAUGES, dict.fromkeys(GAUGES, "-"), GAUGES),
+        Competitor(
+            OURS,
+            python("vigauge"),
+            False,
+            GAUGES,
+            dict.fromkeys(GAUGES, "-"),
+            GAUGES,
+            # Its loops have the threads; those of BLAS would only get in their way.
+            environment={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"},
+        ),
         Competitor(
             "ceres",
             (program,),

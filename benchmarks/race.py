@@ -116,6 +116,7 @@ class _Runners:
                     self.threads,
                     limit_s=rules.limit_s,
                     memory_gib=rules.memory_gib,
+                    environment=competitor.environment,
                 )
             )
             self.running[competitor.name] = process

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from benchmarks.competitors import OURS, Competitor
+from benchmarks.competitors import OURS, Competitor, competitors
+from benchmarks.native import Unavailable
 from benchmarks.process import DroppedOut, SolverProcess, pinned
-from benchmarks.race import Bench, Entry, Rules, least_seconds, race_covariances, race_solves
+from benchmarks.race import Bench, Entry, Rules, _Runners, least_seconds, race_covariances, race_solves
 from benchmarks.results import covariance_rows, scaling_rows, solve_rows
 from benchmarks.statistics import exponent, paired_ratio
 from benchmarks.targets import target_rows
@@ -25,6 +28,10 @@ def ours() -> Competitor:
     return Competitor(
         OURS, (sys.executable, "-m", "benchmarks.worker", OURS), False, ("free",), {"free": "-"}
     )
+
+
+def no_program(folder: Path) -> Path:
+    raise Unavailable("native Ceres is left out: not compiled in this test")
 
 
 def row_of(rows: list[dict], solver: str) -> dict:
@@ -49,6 +56,7 @@ def test_agreeing_peer_gets_a_ratio(bench: Bench, ours, fake):
 
 def test_late_peer_drops_out(bench: Bench, ours, fake, said):
     """Catches a suite that waits for ever, or a time made of the limit."""
+    race_solves(bench, [ours], 1, ("free",))  # compiled, so that ours is not the late one
     quick = replace(bench, rules=replace(bench.rules, limit_s=10.0))
     entries = race_solves(quick, [ours, fake("slow")], 1, ("free",))
     theirs = row_of(solve_rows("x", bench.problem, entries), "ceres")
@@ -113,9 +121,9 @@ def test_wrong_covariance_yields_no_ratio(bench: Bench, ours, fake):
 
 def test_hopeless_covariance_is_not_tried(bench: Bench, ours, fake, said):
     """Catches two minutes spent on what was late at a smaller size already."""
-    known = {"pinv free whole": 21.0}
+    known = {"pinv free whole": 121.0}
     entries = race_covariances(bench, [ours, fake("slow", "pinv")], bench.problem.initial, 1, known)
-    assert entries[1].status.startswith("not tried: over 20 s")
+    assert entries[1].status.startswith("not tried: over 120 s")
     late = Entry("gtsam", "prior", 1, status="over 20 s", part="blocks")
     assert least_seconds([late, entries[1], Entry(OURS, "free", 1, trial_s=2.0, part="whole")]) == {
         "gtsam prior blocks": float("inf"),
@@ -141,6 +149,21 @@ def test_threads_are_pinned(bench: Bench, ours):
     process = SolverProcess([sys.executable, "-c", script], 1, limit_s=20.0, memory_gib=4.0)
     with process:
         assert process.first == {"cores": 1}
+
+
+def test_blas_stays_at_one_thread_where_our_loops_have_two(bench: Bench, tmp_path, monkeypatch):
+    """Catches two pools of two threads on two cores, which mostly wait for each other."""
+    script = tmp_path / "environment.py"
+    script.write_text(
+        "import json, os; print(json.dumps({'blas': os.environ['OPENBLAS_NUM_THREADS'],"
+        " 'numba': os.environ['NUMBA_NUM_THREADS']}), flush=True); input()",
+        encoding="utf-8",
+    )
+    monkeypatch.setattr("benchmarks.competitors.build", no_program)
+    ours = next(c for c in competitors(tmp_path) if c.name == OURS)
+    with ExitStack() as stack:
+        process = _Runners(bench, 2, stack).of(replace(ours, command=(sys.executable, str(script))))
+    assert process.first == {"blas": "1", "numba": "2"}
 
 
 def test_a_solver_that_does_not_start_drops_out():
