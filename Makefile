@@ -5,12 +5,14 @@
 #
 #   make paper CORES=8          more jobs at a time
 #   make test PYTHON=python3.12 this interpreter for .venv
+#   make bench SIZES=small      the shorter problems only (small, medium, all, or keyframes: 10,100)
 
 CORES ?= 2
 INPUTS ?= 100000
 PYTHON ?= python3 python3.13 python3.12 python3.11
 UV ?= uv
 LOCK_FLAGS ?=
+SIZES ?= all
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -18,7 +20,7 @@ BIN := $(VENV)/bin
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 SET_UP := $(VENV)/.installed
 
-.PHONY: help setup paper recovery test fuzz lint format lock clean distclean
+.PHONY: help setup paper recovery test fuzz bench bench-paper lint format lock clean distclean
 .DEFAULT_GOAL := help
 
 help:
@@ -27,6 +29,8 @@ help:
 	@echo "make recovery   kill the pipeline at random moments, start it again, compare (docs/recovery.csv)"
 	@echo "make test       set up, check as 'make lint' does, then run the tests"
 	@echo "make fuzz       feed every reader $(INPUTS) malformed files; the record goes to docs/fuzzing.csv"
+	@echo "make bench      set up, then race vigauge and its peers: benchmarks/README.md (SIZES=$(SIZES))"
+	@echo "make bench-paper  run the whole workflow anew and print where the time goes"
 	@echo "make lint       formatting, lint, types, and the workflow's own lint; changes nothing"
 	@echo "make format     rewrite Python and rule files in the project's format"
 	@echo "make setup      only .venv, from requirements.lock"
@@ -73,6 +77,13 @@ test: lint
 fuzz: $(SET_UP)
 	PYTHONPATH=tests $(BIN)/python -m fuzz.run --inputs $(INPUTS) --record docs/fuzzing.csv
 
+# Wants an otherwise idle machine. Installs nothing: without g++ and libceres-dev it says so and goes on.
+bench: $(SET_UP)
+	$(RUN) python -m benchmarks --sizes $(SIZES)
+
+bench-paper: $(SET_UP)
+	$(RUN) python -m benchmarks.paper_time --cores $(CORES)
+
 lint: $(SET_UP)
 	$(RUN) ruff check .
 	$(RUN) ruff format --check .
@@ -94,7 +105,7 @@ lock:
 clean:
 	@if [ -x $(BIN)/snakemake ]; then $(RUN) snakemake --cores 1 --delete-all-output; fi
 	rm -rf .snakemake .pytest_cache .ruff_cache .mypy_cache .hypothesis build dist
-	find src tests workflow -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests workflow benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
 	rm -rf $(VENV)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+from threadpoolctl import threadpool_limits
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -19,6 +21,8 @@ class Workers:
 
     def __init__(self, threads: int = 1) -> None:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        # Threads of BLAS under ours would wait for each other.
+        self._limit = threadpool_limits(limits=1, user_api="blas") if threads > 1 else None
 
     def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
         """Results of ``function`` in the order of ``items``."""
@@ -28,8 +32,9 @@ class Workers:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._pool is not None:
+        if self._pool is not None and self._limit is not None:
             self._pool.shutdown()
+            self._limit.restore_original_limits()
 
 
 ALONE = Workers()

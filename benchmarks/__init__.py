@@ -1,0 +1,1 @@
+"""Benchmarks: the same problems through vigauge and its peers. Run with ``make bench``."""

@@ -1,0 +1,118 @@
+"""Every solver that can be had here, on one small problem: same minimum, same covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.competitors import competitors
+from benchmarks.model import Model
+from benchmarks.native import Unavailable, build, find_toolchain
+from benchmarks.race import COST_TOLERANCE, race_covariances, race_solves
+from support.dense import dense_jacobian, dense_residual
+from vigauge.covariance import motion_covariance
+from vigauge.gauge import FixedGauge, FreeGauge
+from vigauge.levenberg_marquardt import Options, solve
+from vigauge.residuals import cost
+
+TIGHT = Options(function_tolerance=1e-12)
+
+
+@pytest.fixture(scope="session")
+def build_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("build")
+
+
+@pytest.fixture(scope="session")
+def field(build_folder):
+    return {competitor.name: competitor for competitor in competitors(build_folder)}
+
+
+def test_judge_agrees_with_the_package(small):
+    """Catches a judge with residuals or derivatives of another problem."""
+    problem, _ = small
+    model = Model(problem)
+    state = solve(problem, FreeGauge(), Options(maximum_iterations=2)).state
+    assert model.cost(state) == pytest.approx(cost(problem, state), rel=1e-12)
+    assert np.allclose(model.residual(state), dense_residual(problem, state), atol=1e-9)
+    J = dense_jacobian(problem, state)
+    assert np.allclose(model.jacobian(state, total=False).toarray(), J, atol=1e-9 * np.abs(J).max())
+
+
+def test_total_jacobian_by_differences(small):
+    """Catches a Jacobian for SciPy that forgets the chain from total to left increments."""
+    problem, _ = small
+    model = Model(problem)
+    rng = np.random.default_rng(0)
+    x = 0.05 * rng.normal(size=problem.initial.n_parameters)
+    J = model.jacobian(model.state(x), total=True)
+    for _ in range(5):
+        direction = rng.normal(size=len(x))
+        step = 1e-6
+        ahead = model.residual(model.state(x + step * direction))
+        behind = model.residual(model.state(x - step * direction))
+        numeric = (ahead - behind) / (2.0 * step)
+        assert np.allclose(J @ direction, numeric, atol=1e-5 * np.abs(numeric).max())
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("name", ["vigauge", "ceres", "gtsam", "scipy"])
+def test_all_end_at_one_minimum(name, bench, field, said):
+    """Catches a problem that means something else to one of the solvers: its cost at the end, by one
+    judge, and its own idea of the cost."""
+    if field[name].absent is not None:
+        pytest.skip(field[name].absent)
+    entries = race_solves(bench, [field["vigauge"], field[name]], 1, ("fix", "prior", "free"))
+    assert {entry.gauge for entry in entries if entry.solver == name} == set(field[name].gauges)
+    for entry in entries:
+        assert entry.status == "measured", (entry, said)
+        assert abs(entry.distance) < COST_TOLERANCE
+        assert entry.iterations > 2 and entry.seconds and min(entry.seconds) > 0.0
+        assert entry.peak_mib > 1.0
+
+
+@pytest.mark.oracle
+def test_ceres_takes_our_steps(bench, field):
+    """Catches a C++ program with another trust region, parametrisation or count: as many linear solves."""
+    if field["ceres"].absent is not None:
+        pytest.skip(field["ceres"].absent)
+    entries = race_solves(bench, [field["vigauge"], field["ceres"]], 1, ("fix", "prior", "free"))
+    count = {(entry.solver, entry.gauge): entry.iterations for entry in entries}
+    for gauge in ("fix", "prior", "free"):
+        assert count["ceres", gauge] == count["vigauge", gauge], gauge
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize(
+    ("name", "gauges"), [("ceres", {"fix", "free"}), ("gtsam", {"prior"}), ("pinv", {"free"})]
+)
+def test_all_give_one_covariance(name, gauges, bench, field, said):
+    """Catches blocks of a covariance in another order, frame or gauge."""
+    if field[name].absent is not None:
+        pytest.skip(field[name].absent)
+    state = solve(bench.problem, FreeGauge(), TIGHT).state
+    entries = race_covariances(bench, [field["vigauge"], field[name]], state, 1, {})
+    theirs = [entry for entry in entries if entry.solver == name]
+    assert {entry.gauge for entry in theirs} == gauges
+    assert all(entry.status == "measured" for entry in entries), (entries, said)
+    assert all(0.0 < entry.distance < 1e-4 for entry in theirs)
+    # The tolerance can tell gauges apart.
+    fix, free = (motion_covariance(bench.problem, state, gauge) for gauge in (FixedGauge(), FreeGauge()))
+    assert np.linalg.norm(fix - free) > 0.1 * np.linalg.norm(free)
+
+
+def test_missing_parts_are_named(tmp_path):
+    """Catches a suite that dies, or says nothing, where native Ceres cannot be had."""
+    with pytest.raises(Unavailable, match=r"apt-get install no-such-compiler libceres-dev"):
+        find_toolchain("no-such-compiler", (tmp_path,))
+    with pytest.raises(Unavailable, match="libceres-dev must be installed"):
+        find_toolchain("python3", (tmp_path,))
+
+
+def test_program_is_compiled_once(build_folder, field):
+    """Catches half a minute of compiling in every run."""
+    if field["ceres"].absent is not None:
+        pytest.skip(field["ceres"].absent)
+    program = build(build_folder)
+    made = program.stat().st_mtime_ns
+    assert build(build_folder) == program and program.stat().st_mtime_ns == made
