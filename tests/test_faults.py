@@ -28,3 +28,10 @@ def test_every_fault_names_a_test_that_exists() -> None:
         assert (ROOT / file).is_file(), row
         assert test.partition("[")[0] in functions(ROOT / file), row
         assert row["fault"] and row["expected"] and row["exit_status"] in ("", "0", "1", "2"), row
+
+
+def test_every_recorded_kill_ended_in_the_same_results() -> None:
+    """A record of the long kill test that nobody looked at."""
+    with (ROOT / "docs" / "recovery.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert rows and all(row["identical"] == "True" for row in rows)
