@@ -39,6 +39,7 @@ FLOORS = (
     "evaluation",
     "marginals",
     "diagnosis",
+    "conditioning",
     "unobservable",
     "null_space",
     "covariance",

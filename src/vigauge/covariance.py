@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from . import so3
-from .errors import DataError, DegenerateError, SolverError
+from .errors import DataError, DegenerateError
 from .gauge import Gauge, GaugePrior, first_pose_columns, orbit_tangent
 from .held_inverse import HeldInverse
 from .kernels import symmetric
@@ -64,16 +64,6 @@ def spectrum(equations: NormalEquations, held: Index | None = None) -> Spectrum:
         S = S[np.ix_(keep, keep)]
     scale = 1.0 / np.sqrt(np.diagonal(S))
     return Spectrum(np.linalg.eigvalsh(S * scale[:, None] * scale), equations.structure.n_landmarks)
-
-
-def condition_number(equations: NormalEquations) -> float:
-    """Of the Jacobi-scaled reduced camera system, any prior included; infinite where it is singular."""
-    try:
-        values = spectrum(equations).eigenvalues
-    except SolverError:
-        return np.inf  # a landmark's own block is singular
-    smallest = float(values.min())
-    return float(values.max()) / smallest if smallest > np.finfo(float).eps * values.max() else np.inf
 
 
 def _inverse(matrix: Array) -> Array:

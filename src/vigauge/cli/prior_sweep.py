@@ -16,7 +16,7 @@ from tqdm import tqdm
 from vigauge.archive import load_problems, load_states
 from vigauge.cli.artefacts import add_solver
 from vigauge.cli.stage import LOG, Stamped, parser, run, settings_from
-from vigauge.covariance import condition_number
+from vigauge.conditioning import condition_number
 from vigauge.experiment import (
     TimedSolve,
     Trial,
