@@ -95,11 +95,14 @@ class Structure:
         ends = np.searchsorted(bucket[by_bucket], numbers, side="right")
         pair_ends = np.searchsorted(pair_bucket[pairs_by_bucket], numbers, side="right")
         groups, pair_row = [], np.empty(len(place), dtype=np.int64)
+        row = np.empty(self.n_keyframes, dtype=np.int64)
         lo, pair_lo = 0, 0
         for hi, pair_hi in zip(ends, pair_ends, strict=True):
             pairs = pairs_by_bucket[pair_lo:pair_hi]
-            seen, row = np.unique(self.pair_keyframe[pairs], return_inverse=True)
-            pair_row[pairs] = row
+            keyframe = self.pair_keyframe[pairs]
+            seen = np.flatnonzero(np.bincount(keyframe))
+            row[seen] = np.arange(len(seen))
+            pair_row[pairs] = row[keyframe]
             groups.append(CovisibleGroup(seen, by_bucket[lo:hi]))
             lo, pair_lo = hi, pair_hi
         return tuple(groups), pair_row
