@@ -14,6 +14,7 @@ from matplotlib.text import Text
 from support.results import WEIGHTS, Results, covariance, solutions, sweep, sweep_timing, sweep_trace, timing
 from support.simulated import TIGHT, estimate, scene, trial
 from vigauge.archive import load_arrays, save_arrays, save_states
+from vigauge.errors import OutputError
 from vigauge.figures import cost, ellipses, matrices, orbit, prior, scenes, style
 from vigauge.figures.chart import Chart
 from vigauge.gauge import three_gauges
@@ -82,7 +83,7 @@ def test_a_failing_writer_leaves_no_file(written: Path, monkeypatch: pytest.Monk
         raise OSError("disk full")
 
     monkeypatch.setattr(Figure, "savefig", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(OutputError, match="disk full; nothing was changed"):
         DRAWINGS["matrices"](written, written / "out" / "fig")
     assert not [file for file in (written / "out").iterdir() if file.suffix in (".png", ".pdf")]
 
