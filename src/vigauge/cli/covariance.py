@@ -14,7 +14,6 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_problems, load_states, load_statuses, save_arrays
 from vigauge.cli.artefacts import add_prior_weight
@@ -103,14 +102,13 @@ def work(options: argparse.Namespace) -> None:
         for gauge, status in zip(("fix", "prior", "free"), load_statuses(options.states), strict=True)
         if Status(status) not in CONVERGED
     ]
-    with threadpool_limits(limits=1):
-        found = diagnose(problem, free)
-        withheld = found.withheld or (f"the run did not converge: {', '.join(failed)}" if failed else "")
-        if withheld:
-            save_arrays(options.output, without_covariance(free, found, withheld))
-            LOG.warning("covariance withheld; %s", withheld)
-            return
-        arrays = compare_gauges(problem, fix, prior, free, options.prior_weight)
+    found = diagnose(problem, free)
+    withheld = found.withheld or (f"the run did not converge: {', '.join(failed)}" if failed else "")
+    if withheld:
+        save_arrays(options.output, without_covariance(free, found, withheld))
+        LOG.warning("covariance withheld; %s", withheld)
+        return
+    arrays = compare_gauges(problem, fix, prior, free, options.prior_weight)
     defects = {name: covariance_defects(np.asarray(arrays[name])) for name in MATRICES}
     for name, found_defects in defects.items():
         if max(found_defects.asymmetry, found_defects.negativity) > DEFECT_LIMIT:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
 from vigauge.archive import load_problems
 from vigauge.cli.artefacts import add_prior_weight, add_solver, stem_of
 from vigauge.cli.stage import parser, run, settings_from
@@ -20,11 +18,10 @@ def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
     problem = load_problems(options.problems)[options.trial]
     gauges = three_gauges(options.prior_weight)
-    with threadpool_limits(limits=1):
-        solutions = {name: solve(problem, gauge, solver, keep_states=True) for name, gauge in gauges.items()}
-        chart = Chart.around(problem, solutions["free"].state)
-        draw_paths(chart, solutions, options.paths, options.prior_weight)
-        draw_transformation(chart, options.transformation)
+    solutions = {name: solve(problem, gauge, solver, keep_states=True) for name, gauge in gauges.items()}
+    chart = Chart.around(problem, solutions["free"].state)
+    draw_paths(chart, solutions, options.paths, options.prior_weight)
+    draw_transformation(chart, options.transformation)
 
 
 def main() -> None:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from vigauge.archive import load_problems, load_states
@@ -54,10 +53,9 @@ def work(options: argparse.Namespace) -> None:
     def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
         return tqdm(trials, desc="prior weights", unit="trial", disable=None)
 
-    with threadpool_limits(limits=1):
-        solves = solve_interleaved(trials, gauges, solver, clock=time.perf_counter, progress=bar)
-        first = first_solves(solves, gauges)
-        rows = [solution_row(s, truth, "weight") | _conditioning(s, gauges[s.gauge]) for s in first]
+    solves = solve_interleaved(trials, gauges, solver, clock=time.perf_counter, progress=bar)
+    first = first_solves(solves, gauges)
+    rows = [solution_row(s, truth, "weight") | _conditioning(s, gauges[s.gauge]) for s in first]
     write_rows(options.sweep, rows)
     write_rows(options.trace, [row for s in first for row in trace_rows(s, "weight")])
     write_rows(options.timing, [timing_row(s, "weight") for s in solves])

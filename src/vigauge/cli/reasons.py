@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_arrays, load_problems, load_states
 from vigauge.cli.artefacts import add_prior_weight, add_solver, named_file
@@ -135,8 +134,7 @@ def read_off(options: argparse.Namespace) -> dict[str, list[Row]]:
 def work(options: argparse.Namespace) -> None:
     settings = settings_from(Settings, options.settings, "reasons")
     solver = settings_from(Options, options.solver, "solver")
-    with threadpool_limits(limits=1):
-        tables = solved(options, settings, solver) | read_off(options)
+    tables = solved(options, settings, solver) | read_off(options)
     for name in TABLES:
         write_rows(options.output / f"{name}.csv", tables[name])
 

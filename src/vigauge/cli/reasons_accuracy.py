@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from vigauge.archive import load_arrays, load_problems, load_states
 from vigauge.cli.artefacts import add_solver, named_file, named_text
@@ -158,12 +157,11 @@ def work(options: argparse.Namespace) -> None:
     noise = dict(options.noise)
     truths = dict(options.truths)
     sequences: list[Row] = []
-    with threadpool_limits(limits=1):
-        rows = simulated(simulation, solver, accuracy)
-        for name, file in options.sequences:
-            problem = load_problems(file)[0].with_noise(**json_argument(noise[name]))
-            truth = load_states(truths[name])[0]
-            sequences += on_sequence(name, problem, truth, simulation, solver, accuracy)
+    rows = simulated(simulation, solver, accuracy)
+    for name, file in options.sequences:
+        problem = load_problems(file)[0].with_noise(**json_argument(noise[name]))
+        truth = load_states(truths[name])[0]
+        sequences += on_sequence(name, problem, truth, simulation, solver, accuracy)
     tables = {
         "accuracy": rows,
         "sequence_accuracy": sequences,

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from vigauge.cli.artefacts import add_prior_weight, add_solver
 from vigauge.cli.stage import Stamped, json_argument, parser, run, settings_from
@@ -28,12 +27,11 @@ def work(options: argparse.Namespace) -> None:
     rng = np.random.default_rng(simulation.seed)
     trajectory, points = options.configuration.split("_")
     rows = []
-    with threadpool_limits(limits=1):
-        for count in times.n_keyframes:
-            scene = make_scene(trajectory, points, replace(simulation, n_keyframes=count))
-            problem = make_trial(scene, 0)
-            rows += iteration_times(problem, gauges, solver, times, time.perf_counter)
-            rows += dense_times(count, times.repeats, rng, time.perf_counter)
+    for count in times.n_keyframes:
+        scene = make_scene(trajectory, points, replace(simulation, n_keyframes=count))
+        problem = make_trial(scene, 0)
+        rows += iteration_times(problem, gauges, solver, times, time.perf_counter)
+        rows += dense_times(count, times.repeats, rng, time.perf_counter)
     write_rows(options.output, rows)
 
 

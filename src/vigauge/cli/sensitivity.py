@@ -8,8 +8,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from threadpoolctl import threadpool_limits
-
 from vigauge.cli.artefacts import add_prior_weight, add_solver
 from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
 from vigauge.errors import ConfigError
@@ -48,8 +46,7 @@ def work(options: argparse.Namespace) -> None:
     for points, trajectory in product(("plane", "random"), ("sine", "arc", "rec")):
         scene = make_scene(trajectory, points, settings)
         trials = [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(make_trials(scene))]
-        with threadpool_limits(limits=1):
-            solves = solve_interleaved(trials, gauges, solver, clock=lambda: 0.0, warm_up=False)
+        solves = solve_interleaved(trials, gauges, solver, clock=lambda: 0.0, warm_up=False)
         rows = [solution_row(solve, scene.truth) for solve in first_solves(solves, gauges)]
         write_rows(options.output / f"{trajectory}_{points}.csv", rows)
         LOG.info("%s = %g: %s %s", options.parameter, options.value, trajectory, points)

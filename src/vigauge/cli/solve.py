@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from vigauge.archive import load_problems, load_states, save_states
@@ -84,15 +83,14 @@ def work(options: argparse.Namespace) -> None:
 
     first: list[TimedSolve] = []
     timed: list[TimedSolve] = []
-    with threadpool_limits(limits=1):
-        for name, group in trials.items():
-            repeats = options.repeats if name == HEADLINE else 1
-            solves = solve_interleaved(
-                group, gauges, solver, clock=time.perf_counter, repeats=repeats, progress=bar
-            )
-            first += first_solves(solves, gauges)
-            timed += solves if name == HEADLINE else []
-        machine = describe_machine()
+    for name, group in trials.items():
+        repeats = options.repeats if name == HEADLINE else 1
+        solves = solve_interleaved(
+            group, gauges, solver, clock=time.perf_counter, repeats=repeats, progress=bar
+        )
+        first += first_solves(solves, gauges)
+        timed += solves if name == HEADLINE else []
+    machine = describe_machine()
     rows = [solution_row(s, truth) | _consistency(s) for s in first]
     write_rows(options.solutions, rows)
     write_rows(options.trace, [row for s in first for row in trace_rows(s)])

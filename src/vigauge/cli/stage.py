@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from threadpoolctl import threadpool_limits
+
 from vigauge import __version__
 from vigauge.errors import ConfigError, OutputError, VigaugeError
 from vigauge.machine import versions
@@ -156,6 +158,7 @@ def run(
     Results that ``--stamps`` names are refused where they do not belong together; with
     ``stamped``, ``--stamp`` writes the stamp of what this stage made. Any other exception is a
     defect: its traceback goes to the terminal and the log, and the exit status is ``defect_status``.
+    BLAS runs on one thread in every stage.
     """
     if stamped is not None:
         arguments.add_argument("--stamp", type=Path, help="output: what the results were made from")
@@ -166,7 +169,9 @@ def run(
         if options.log:
             LOG.addHandler(_log_file(options.log))
         inputs = require_coherent(options.stamps)
-        work(options)
+        # At these sizes several threads of BLAS are slower than one, and sums depend on their number.
+        with threadpool_limits(limits=1, user_api="blas"):
+            work(options)
         if stamped is not None and options.stamp:
             write_stamp(options.stamp, stamp_of(work, options, stamped, inputs))
     except VigaugeError as error:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
 from vigauge.cli.artefacts import add_prior_weight, add_solver
 from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
 from vigauge.files import write_rows
@@ -25,8 +23,7 @@ def work(options: argparse.Namespace) -> None:
         options.noise,
     )
     solver = settings_from(Options, options.solver, "solver")
-    with threadpool_limits(limits=1):
-        rows = run_window(task, solver, options.prior_weight)
+    rows = run_window(task, solver, options.prior_weight)
     write_rows(options.output, rows)
     stopped = rows[0]["stopped_at"]
     LOG.info("%s: %s", options.name, f"stopped at {stopped}: {rows[0]['why']}" if stopped else "whole")
