@@ -325,8 +325,8 @@ def test_frames_without_partner_are_counted(folder: Path) -> None:
 def test_images_that_cannot_be_read_are_named(folder: Path) -> None:
     """Corrupt, truncated, wrong size, wrong depth: one sentence each, with the file."""
     for spoil, words in (
-        (lambda path: replace_image(path, b"not an image"), "must be a whole image file"),
-        (lambda path: replace_image(path, path.read_bytes()[:5000]), "must be a whole image file"),
+        (lambda path: replace_image(path, b"not an image"), "must be a whole PNG or JPEG file"),
+        (lambda path: replace_image(path, path.read_bytes()[:5000]), "must be a whole PNG or JPEG file"),
         (lambda path: redraw(path, lambda image: image[:100]), "must be 752 x 480 pixels"),
         (lambda path: redraw(path, lambda image: image.astype(np.uint16)), "must be an 8-bit grey image"),
     ):

@@ -26,6 +26,13 @@ BIASES = np.array([0.01, 0.02, 0.03]), np.array([0.1, 0.2, 0.3])
 R = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 
 
+class WithoutAnchors(yaml.SafeDumper):
+    """Kalibr writes every matrix out, also one that two cameras share."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
 def kalibr_files(folder: Path, **changes: Any) -> tuple[Path, Path]:
     """camchain and imu.yaml; body to camera as Kalibr has it: x_C = R x_B + (0.05, 0.02, 0.01)."""
     camera = {
@@ -48,7 +55,7 @@ def kalibr_files(folder: Path, **changes: Any) -> tuple[Path, Path]:
     }
     paths = folder / "camchain.yaml", folder / "imu.yaml"
     for path, content in zip(paths, (chain, noise), strict=True):
-        path.write_text(yaml.safe_dump(content))
+        path.write_text(yaml.dump(content, Dumper=WithoutAnchors))
     return paths
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 FOLDERS = ("data", "paper_figures")
 
-# Files that hold nothing but times, and drawings of times.
-TIMES_ONLY = ("timing.csv", "timing.json")
+# Files that hold nothing but times, and drawings of times; the ledger's page has those inside.
+TIMES_ONLY = ("timing.csv", "timing.json", "iteration_time.csv", "claims.html")
 DRAWN_TIMES = ("fig05_", "fig07_", "fig11_")
 
 
@@ -45,6 +45,12 @@ def _reader(name: Path, timed: set[str]) -> Callable[[Path], object] | None:
         return _iterations if name.suffix == ".csv" else None
     if name.name in ("claims.csv", "claims_why.csv"):
         return lambda path: [row for row in _rows(path) if row["id"] not in timed]
+    if name.name == "comparison.csv":
+        return _iterations
+    if name.name == "comparison_why.csv":
+        return lambda path: [row for row in _rows(path) if row["id"] != "ratio-times"]
+    if name.name == "comparison.md":
+        return lambda path: [line for line in path.read_text("utf-8").splitlines() if "time" not in line]
     if name.name in ("claims.md", "summary.md"):
         return lambda path: [line for line in path.read_text("utf-8").splitlines() if not _of(timed, line)]
     return Path.read_bytes

@@ -76,7 +76,7 @@ def test_two_runs_at_once(tmp_path: Path) -> None:
     while not (locks.is_dir() and any(locks.iterdir())) and time.monotonic() < deadline:
         time.sleep(0.05)
     try:
-        second = snakemake(folder)
+        second = snakemake(folder, "--rerun-incomplete")
         assert second.returncode != 0
         assert "cannot be locked" in second.stdout + second.stderr
         taken = resume(folder, "--configfile", "config/smoke.yaml")
