@@ -13,6 +13,8 @@ FOLDERS = ("data", "paper_figures")
 # Files that hold nothing but times, and drawings of times; the ledger's page has those inside.
 TIMES_ONLY = ("timing.csv", "timing.json", "iteration_time.csv", "claims.html")
 DRAWN_TIMES = ("fig05_", "fig07_", "fig11_")
+# Lines of the comparison: a time, or how many numbers of such a figure are off by a factor of two.
+_TIMED = re.compile(r"time|^\| fig(05|07|11) \| \d+ \|")
 
 
 def results(project: Path) -> Iterator[Path]:
@@ -50,7 +52,7 @@ def _reader(name: Path, timed: set[str]) -> Callable[[Path], object] | None:
     if name.name == "comparison_why.csv":
         return lambda path: [row for row in _rows(path) if row["id"] != "ratio-times"]
     if name.name == "comparison.md":
-        return lambda path: [line for line in path.read_text("utf-8").splitlines() if "time" not in line]
+        return lambda path: [line for line in path.read_text("utf-8").splitlines() if not _TIMED.search(line)]
     if name.name in ("claims.md", "summary.md"):
         return lambda path: [line for line in path.read_text("utf-8").splitlines() if not _of(timed, line)]
     return Path.read_bytes
