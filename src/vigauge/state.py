@@ -100,7 +100,7 @@ class State:
         _require_valid(self.p_W, self.R_WB, self.v_W, self.X_W)
         if np.shape(self.dphi_0) != (3,) or not np.all(np.isfinite(self.dphi_0)):
             raise DataError("state", "must be a finite rotation vector", field="dphi_0", value=self.dphi_0)
-        if np.linalg.norm(self.dphi_0) > 2.0 * np.pi - 1e-6:
+        if np.max(np.abs(self.dphi_0)) > 7.0 or np.linalg.norm(self.dphi_0) > 2.0 * np.pi - 1e-6:
             raise DataError(
                 "state",
                 "must be shorter than 2 pi, where Eq. (9) has no derivative",
