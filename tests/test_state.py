@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -143,3 +145,10 @@ def test_start_refuses_an_empty_trajectory():
     """Catches an index error instead of a message where there are no keyframes."""
     with pytest.raises(DataError, match="keyframe"):
         State.start(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+def test_an_increment_beyond_numbers_is_refused_without_overflow():
+    """Catches a warning, or an infinite norm, where a hostile archive holds 1e300 rad."""
+    state = random_state(np.random.default_rng(0))
+    with pytest.raises(DataError, match="shorter than 2 pi"):
+        replace(state, dphi_0=np.full(3, 1e300)).require_valid()
