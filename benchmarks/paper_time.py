@@ -44,14 +44,16 @@ def rule_rows(records: Iterable[dict[str, Any]], since: float, wall_s: float) ->
 
     A job with several outputs has several records with the same times, and counts once.
     """
-    jobs = {
-        (str(r["rule"]), float(r["starttime"]), float(r["endtime"]))
-        for r in records
-        if r.get("starttime") is not None and r.get("endtime") is not None and float(r["starttime"]) >= since
-    }
+    jobs: dict[tuple[str, float], float] = {}
+    for r in records:
+        begin, end = r.get("starttime"), r.get("endtime")
+        if begin is not None and end is not None and float(begin) >= since:
+            # Records of one job begin at one time, and end a little after each other.
+            job = (str(r["rule"]), float(begin))
+            jobs[job] = max(float(end), jobs.get(job, 0.0))
     seconds: dict[str, list[float]] = defaultdict(list)
-    for rule, begin, end in jobs:
-        seconds[rule].append(end - begin)
+    for (rule, begin_s), end_s in jobs.items():
+        seconds[rule].append(end_s - begin_s)
     rows: list[Row] = [
         {
             "rule": rule,

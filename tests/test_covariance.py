@@ -18,6 +18,7 @@ from vigauge.covariance import (
     covariance_from_hessian,
     covariance_of,
     motion_covariance,
+    motion_pseudo_inverse,
     project_covariance,
     spectrum,
     transform_covariance,
@@ -90,6 +91,8 @@ def test_free_covariance_is_the_pseudo_inverse(shape, points, record_property):
     free = covariance_of(equations, state, FREE, state)
     closed_form = dense_pinv(H, orbit_tangent(state))[:n, :n]
     record_property("closed_form", relative_frobenius(free, closed_form))
+    # Two ways that share no inverse: one holds the first pose, one nothing.
+    assert relative_frobenius(motion_pseudo_inverse(equations, state), free) < 1e-10
     assert relative_frobenius(free, closed_form) < 1e-10
     # By singular values of J, not of H: those of H are the squares, and lose half of the digits.
     root = np.linalg.pinv(dense_jacobian(problem, state), rcond=1e-11)[:n]

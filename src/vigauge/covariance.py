@@ -99,6 +99,24 @@ def _inverse_on_complement(matrix: Array, null: Array) -> Array:
     return _inverse(matrix + s * (N @ N.T)) - N @ N.T / s
 
 
+def motion_pseudo_inverse(equations: NormalEquations, state: State) -> Array:
+    """(9N, 9N) motion block of pinv(H), the free gauge's covariance, with no column held on the way.
+
+    The same matrix as :func:`motion_covariance` gives, from (S + s N N^T)^-1: what Eq. (12) makes
+    of it is then no repetition of the fixed gauge's own inverse, but a test.
+
+    Raises DegenerateError where more than the gauge is unobservable.
+    """
+    reduced = equations.eliminate()
+    U = orbit_tangent(state)
+    n_motion = 9 * state.n_keyframes
+    G = _inverse_on_complement(reduced.matrix, U[:n_motion])
+    taken, gram = reduced.couple(U[n_motion:])
+    through = U[:n_motion] - taken
+    G_U = G @ through
+    return _low_rank_projection(G, G_U, gram + through.T @ G_U, U[:n_motion], U.T @ U)
+
+
 def motion_covariance(problem: Problem, state: State, gauge: Gauge) -> Array:
     """(9N, 9N) covariance of the motion parameters in a gauge (m, rad, m/s).
 

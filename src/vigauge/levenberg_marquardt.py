@@ -16,7 +16,7 @@ from enum import StrEnum
 import numpy as np
 
 from .errors import SolverError
-from .gauge import Gauge
+from .gauge import Gauge, GaugePrior
 from .layout import Layout
 from .normal_equations import NormalEquations, linearise
 from .problem import Problem
@@ -127,9 +127,10 @@ class _TrustRegion:
 
 @dataclass(frozen=True)
 class _Evaluation:
-    """A state, its cost with the gauge's prior, and the mean reprojection error."""
+    """A state, the gauge's prior there, the cost with it, and the mean reprojection error."""
 
     state: State
+    prior: GaugePrior | None
     cost: float
     mean_reprojection_px: float
 
@@ -149,16 +150,14 @@ class _Objective:
         prior = self.gauge.prior(state, self.problem.initial)
         if prior is not None:
             cost += 0.5 * float(prior.residual @ prior.residual)
-        return _Evaluation(state, cost, found.mean_reprojection_px)
+        return _Evaluation(state, prior, cost, found.mean_reprojection_px)
 
-    def linearise(self, state: State) -> NormalEquations:
+    def linearise(self, here: _Evaluation) -> NormalEquations:
         """Equations at a state; those made before are no longer valid."""
-        equations = linearise(self.problem, state, self.workers, self.spent)
-        self.spent = equations
-        prior = self.gauge.prior(state, self.problem.initial)
-        if prior is not None:
-            equations = equations.with_prior(prior.columns, prior.residual, prior.jacobian)
-        return equations
+        self.spent = linearise(self.problem, here.state, self.workers, self.spent)
+        if here.prior is not None:
+            self.spent.add_prior(here.prior.columns, here.prior.residual, here.prior.jacobian)
+        return self.spent
 
 
 def _state_norm(state: State) -> float:
@@ -256,7 +255,7 @@ class _Run:
         return None
 
     def _linearise(self) -> None:
-        self.equations = self.objective.linearise(self.here.state)
+        self.equations = self.objective.linearise(self.here)
 
     def _step(self) -> tuple[Array | None, float]:
         """The damped step and the decrease of the cost that the linear model predicts."""

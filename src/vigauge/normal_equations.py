@@ -61,11 +61,15 @@ class NormalEquations:
 
     def with_prior(self, columns: Index, residual: Array, jacobian: Array) -> NormalEquations:
         """Add a whitened residual that depends on the motion parameters ``columns`` only."""
-        layout, storage = self.structure.layout, self.storage.copy()
-        layout.add(storage, columns, jacobian.T @ jacobian)
-        gradient = self.keyframe_gradient.copy()
-        gradient.reshape(-1)[layout.by_keyframe[columns]] += jacobian.T @ residual
-        return replace(self, storage=storage, keyframe_gradient=gradient)
+        out = replace(self, storage=self.storage.copy(), keyframe_gradient=self.keyframe_gradient.copy())
+        out.add_prior(columns, residual, jacobian)
+        return out
+
+    def add_prior(self, columns: Index, residual: Array, jacobian: Array) -> None:
+        """:meth:`with_prior` in place."""
+        layout = self.structure.layout
+        layout.add(self.storage, columns, jacobian.T @ jacobian)
+        self.keyframe_gradient.reshape(-1)[layout.by_keyframe[columns]] += jacobian.T @ residual
 
     def eliminate(self, damping: Array | None = None, workers: Workers = ALONE) -> ReducedSystem:
         """Schur complement onto the motion of H + diag(damping); damping is (9N + 3K,).

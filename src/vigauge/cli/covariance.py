@@ -18,11 +18,11 @@ import numpy as np
 from vigauge.archive import load_problems, load_states, load_statuses, save_arrays
 from vigauge.cli.artefacts import add_prior_weight
 from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run
-from vigauge.covariance import covariance_of, spectrum, transform_covariance
+from vigauge.covariance import covariance_of, motion_pseudo_inverse, spectrum, transform_covariance
 from vigauge.diagnosis import Diagnosis, diagnose
 from vigauge.errors import DegenerateError
 from vigauge.evaluation import covariance_defects, relative_frobenius
-from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge
+from vigauge.gauge import FixedGauge, PriorGauge
 from vigauge.levenberg_marquardt import CONVERGED, Status
 from vigauge.normal_equations import linearise
 from vigauge.problem import Problem
@@ -37,16 +37,16 @@ def compare_gauges(
     problem: Problem, fix: State, prior: State, free: State, prior_weight: float
 ) -> dict[str, np.ndarray | float | int]:
     """Covariances at the three estimates and at one common point, and their distances."""
-    reference, fixed_gauge, free_gauge = problem.initial, FixedGauge(), FreeGauge()
+    reference, fixed_gauge = problem.initial, FixedGauge()
     prior_gauge = PriorGauge(prior_weight)
     at_fix, at_free = linearise(problem, fix), linearise(problem, free)
     at_prior = linearise(problem, prior)
     fixed = covariance_of(at_fix, fix, fixed_gauge, reference)
-    free_covariance = covariance_of(at_free, free, free_gauge, reference)
+    free_covariance = motion_pseudo_inverse(at_free, free)
     transformed, moved = transform_covariance(free_covariance, free, fixed_gauge, reference)
     with_prior = covariance_of(at_prior, prior, prior_gauge, reference)
     squared = covariance_of(at_fix, fix, PriorGauge(prior_weight**2), reference)
-    free_at_fix = covariance_of(at_fix, fix, free_gauge, reference)
+    free_at_fix = motion_pseudo_inverse(at_fix, fix)
     same_point, _ = transform_covariance(free_at_fix, fix, fixed_gauge, reference)
     found = spectrum(at_free)
     pull = prior_gauge.prior(prior, reference)
