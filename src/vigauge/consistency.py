@@ -15,7 +15,7 @@ from .covariance import covariance_of
 from .gauge import FixedGauge
 from .normal_equations import inertial_information, linearise
 from .problem import Problem
-from .residuals import inertial_residual, visual_residual
+from .residuals import evaluate
 from .state import State
 
 
@@ -34,7 +34,8 @@ def chi_square(problem: Problem, state: State) -> GroupChiSquare:
 
     Raises DegenerateError where more than the gauge is unobservable.
     """
-    visual, inertial = visual_residual(problem, state), inertial_residual(problem, state)
+    found = evaluate(problem, state)
+    visual, inertial = found.visual, found.inertial
     covariance = covariance_of(linearise(problem, state), state, FixedGauge(), problem.initial)
     taken = float(np.vdot(covariance, inertial_information(problem, state)))
     inertial_redundancy = inertial.size - taken

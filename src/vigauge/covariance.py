@@ -18,7 +18,7 @@ import scipy.linalg
 from . import so3
 from .errors import DataError, DegenerateError
 from .gauge import Gauge, GaugePrior, first_pose_columns, orbit_tangent
-from .held_inverse import HeldInverse
+from .held_inverse import HeldInverse, require_regular
 from .kernels import symmetric
 from .layout import Index
 from .normal_equations import NormalEquations, ReducedSystem, linearise
@@ -69,8 +69,7 @@ def spectrum(equations: NormalEquations, held: Index | None = None) -> Spectrum:
 def _inverse(matrix: Array) -> Array:
     """Inverse of a positive definite matrix, scaled to a unit diagonal first.
 
-    Raises DegenerateError where the matrix is singular to rounding: a factorisation may
-    well succeed there, with pivots made of rounding errors.
+    Raises DegenerateError where the matrix is singular to rounding.
     """
     n = len(matrix)
     scale = 1.0 / np.sqrt(np.diagonal(matrix))
@@ -79,12 +78,7 @@ def _inverse(matrix: Array) -> Array:
     except np.linalg.LinAlgError as error:
         raise DegenerateError("the information matrix is not positive definite in this gauge") from error
     half = scipy.linalg.solve_triangular(factor, np.eye(n), lower=True, check_finite=False)
-    # The trace of the scaled inverse lies between one and n times 1 / (smallest eigenvalue).
-    trace = float(np.vdot(half, half))
-    if trace * 10 * n * np.finfo(float).eps > 1.0:
-        raise DegenerateError(
-            f"more is unobservable than the gauge: the scaled information is singular (below {n / trace:.0e})"
-        )
+    require_regular(float(np.vdot(half, half)), n)
     half *= scale
     return half.T @ half
 

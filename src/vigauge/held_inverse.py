@@ -18,6 +18,18 @@ from .normal_equations import ReducedSystem
 from .so3 import Array
 
 
+def require_regular(trace: float, n: int) -> None:
+    """DegenerateError where an (n, n) inverse, its matrix scaled to a unit diagonal, has too large a trace.
+
+    A factorisation may succeed on a singular matrix, with pivots made of rounding errors. The
+    trace of the scaled inverse lies between one and n times 1 / (smallest eigenvalue).
+    """
+    if not trace * 10 * n * np.finfo(float).eps <= 1.0:
+        raise DegenerateError(
+            f"more is unobservable than the gauge: the scaled information is singular (below {n / trace:.0e})"
+        )
+
+
 @dataclass(frozen=True)
 class HeldInverse:
     """G: S^-1 without the ``held`` columns of the package's order, whose rows and columns in G are zero.
@@ -85,17 +97,7 @@ class HeldInverse:
         return lower
 
     def _require_regular(self, diagonal: Array) -> None:
-        """A factorisation may succeed on a singular matrix, with pivots made of rounding errors.
-
-        The trace of the scaled inverse lies between one and n times 1 / (smallest eigenvalue).
-        """
         layout = self.reduced.structure.layout
-        n = layout.size
         at = layout.stored[self.held]
         information = layout.diagonal(self.reduced.storage)
-        trace = float(diagonal @ information - diagonal[at] @ information[at])
-        if not trace * 10 * n * np.finfo(float).eps <= 1.0:
-            raise DegenerateError(
-                "more is unobservable than the gauge: the scaled information is singular "
-                f"(below {n / trace:.0e})"
-            )
+        require_regular(float(diagonal @ information - diagonal[at] @ information[at]), layout.size)

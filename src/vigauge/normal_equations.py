@@ -17,7 +17,7 @@ from .kernels import inertial as inertial_kernels
 from .kernels import schur, visual
 from .layout import Index, Layout, by_keyframe, by_kind
 from .problem import Problem
-from .residuals import camera_rotations, first_rotation_chain
+from .residuals import camera_rotations, first_rotation_chain, inertial_inputs
 from .so3 import Array
 from .state import State
 from .structure import CovisibleGroup, Structure
@@ -247,24 +247,8 @@ def linearise(
 def _add_inertial(
     problem: Problem, state: State, layout: Layout, chain: Array, storage: Array, gradient: Array
 ) -> None:
-    f = problem.inertial
     inertial_kernels.accumulate(
-        f.first,
-        f.second,
-        f.dt,
-        f.dp,
-        f.dR,
-        f.dv,
-        f.whitener,
-        problem.gravity,
-        state.p_W,
-        state.R_WB,
-        state.v_W,
-        chain,
-        layout.column,
-        layout.stride,
-        storage,
-        gradient,
+        *inertial_inputs(problem, state), chain, layout.column, layout.stride, storage, gradient
     )
 
 

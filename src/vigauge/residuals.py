@@ -15,6 +15,7 @@ import numpy as np
 from .kernels import inertial as inertial_kernels
 from .kernels import rotation
 from .kernels import visual as visual_kernels
+from .layout import Index
 from .problem import Problem
 from .so3 import Array
 from .state import State
@@ -34,6 +35,16 @@ def camera_rotations(problem: Problem, state: State) -> tuple[Array, Array]:
     p_CB = np.empty((len(problem.cameras), 3))
     visual_kernels.camera_rotations(state.R_WB, cameras["R_BC"], cameras["p_BC"], R_CW, p_CB)
     return R_CW, p_CB
+
+
+InertialInputs = tuple[Index, Index, Array, Array, Array, Array, Array, float, Array, Array, Array]
+
+
+def inertial_inputs(problem: Problem, state: State) -> InertialInputs:
+    """What the inertial kernels read: the factors, gravity, and the keyframes' states."""
+    f = problem.inertial
+    moved = state.p_W, state.R_WB, state.v_W
+    return f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, problem.gravity, *moved
 
 
 @dataclass(frozen=True)
@@ -65,21 +76,7 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
         visual,
     )
     inertial = np.empty((len(problem.inertial.dt), 9))
-    f = problem.inertial
-    squares += inertial_kernels.residuals(
-        f.first,
-        f.second,
-        f.dt,
-        f.dp,
-        f.dR,
-        f.dv,
-        f.whitener,
-        problem.gravity,
-        state.p_W,
-        state.R_WB,
-        state.v_W,
-        inertial,
-    )
+    squares += inertial_kernels.residuals(*inertial_inputs(problem, state), inertial)
     mean_px = lengths * problem.sigma_px / len(visual) if len(visual) else 0.0
     return Evaluation(visual, inertial, 0.5 * squares, mean_px)
 

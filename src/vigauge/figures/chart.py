@@ -76,7 +76,7 @@ class Chart:
         """H times a vector, from the blocks."""
         e = self.equations
         s = e.structure
-        n = len(e.motion)
+        n = e.structure.layout.size
         landmark = vector[n:].reshape(-1, 3)
         out = e.motion @ vector[:n]
         pose = vector[s.columns[:, :6]]

@@ -5,17 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..problem import Problem
-from ..residuals import inertial_residual, visual_residual
+from ..residuals import cost
 from ..state import State
 
 Row = dict[str, object]
-
-
-def cost(problem: Problem, state: State) -> float:
-    """Half the cost of Eq. (1), as the solver minimises it."""
-    return 0.5 * float(
-        np.sum(visual_residual(problem, state) ** 2) + np.sum(inertial_residual(problem, state) ** 2)
-    )
 
 
 def cost_on_orbit(
