@@ -1,4 +1,4 @@
-"""How well a linear system of the solver is conditioned."""
+"""Spectrum and condition of a linear system of the solver, whatever its units."""
 
 from __future__ import annotations
 
@@ -6,6 +6,13 @@ import numpy as np
 
 from .errors import SolverError
 from .normal_equations import NormalEquations
+from .so3 import Array
+
+
+def scaled_eigenvalues(matrix: Array) -> Array:
+    """Eigenvalues, ascending, of a symmetric matrix scaled to a unit diagonal (Jacobi scaling)."""
+    scale = 1.0 / np.sqrt(np.diagonal(matrix))
+    return np.linalg.eigvalsh(matrix * scale[:, None] * scale)
 
 
 def condition_number(equations: NormalEquations) -> float:
@@ -17,10 +24,8 @@ def condition_number(equations: NormalEquations) -> float:
         S = equations.eliminate().matrix
     except SolverError:
         return np.inf  # a landmark's own block is singular
-    diagonal = np.diagonal(S)
-    if not np.all(diagonal > 0.0):
+    if not np.all(np.diagonal(S) > 0.0):
         return np.inf
-    scale = 1.0 / np.sqrt(diagonal)
-    values = np.linalg.eigvalsh(S * scale[:, None] * scale)
+    values = scaled_eigenvalues(S)
     smallest, largest = float(values[0]), float(values[-1])
     return largest / smallest if smallest > np.finfo(float).eps * largest else np.inf

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from . import so3
+from .conditioning import scaled_eigenvalues
 from .errors import DataError, DegenerateError
 from .gauge import Gauge, GaugePrior, first_pose_columns, orbit_tangent
 from .held_inverse import HeldInverse, require_regular
@@ -62,8 +63,7 @@ def spectrum(equations: NormalEquations, held: Index | None = None) -> Spectrum:
     if held is not None and len(held):
         keep = np.setdiff1d(np.arange(len(S)), held)
         S = S[np.ix_(keep, keep)]
-    scale = 1.0 / np.sqrt(np.diagonal(S))
-    return Spectrum(np.linalg.eigvalsh(S * scale[:, None] * scale), equations.structure.n_landmarks)
+    return Spectrum(scaled_eigenvalues(S), equations.structure.n_landmarks)
 
 
 def _inverse(matrix: Array) -> Array:

@@ -204,13 +204,13 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
 
     Raises DataError where they are not finite.
     """
-    if not (np.all(np.isfinite(equations.motion)) and np.all(np.isfinite(equations.landmark))):
+    if not (np.all(np.isfinite(equations.storage)) and np.all(np.isfinite(equations.landmark))):
         raise DataError("normal equations", "must be finite at the state")
     landmarks, filled = _fill_landmarks(equations)
     reduced = filled.eliminate()
-    null = NullSpace(reduced.matrix, np.diagonal(equations.motion))
+    n_motion = 9 * state.n_keyframes
+    null = NullSpace(reduced.matrix, equations.diagonal()[:n_motion])
     found = _Findings(null, reduced, equations)
-    n_motion = len(reduced.matrix)
     expected = null.take(orbit_tangent(state)[:n_motion]).shape[1]
     for kind, keyframes, candidates in unobservable_moves(problem, state):
         found.add(kind, keyframes, null.take(candidates))
@@ -297,11 +297,8 @@ class _Findings:
         landmark = 0.0
         if self.reduced.structure.n_landmarks:
             motion = vectors / self.null.scale[:, None]
-            s = self.equations.structure
-            pull = np.zeros((s.n_landmarks, 3, vectors.shape[1]))
-            pose = motion[s.columns[s.pair_keyframe, :6]]
-            np.add.at(pull, s.pair_landmark, np.einsum("pij,pic->pjc", self.equations.pair, pose))
-            step = self.reduced.factor.swapaxes(1, 2) @ (self.reduced.factor @ pull)
+            none = np.zeros((3 * self.equations.structure.n_landmarks, vectors.shape[1]))
+            step = self.reduced.through_landmarks(none, motion).reshape(-1, 3, vectors.shape[1])
             diagonal = np.diagonal(self.equations.landmark, axis1=1, axis2=2)
             landmark = float(np.sum(diagonal[:, :, None] * step**2))
         parts = dict(zip(("position", "rotation", "velocity"), map(float, squares), strict=True))
@@ -322,7 +319,8 @@ def _weak_scale(
         return ()
     motion, landmark = scaling(problem, state)
     noise = chi2.ppf(_QUANTILE, max(6 * len(problem.inertial.dt), 1))
-    if _information(equations, motion, landmark) > max(_SIGMAS**2, noise):
+    change = np.concatenate([motion, landmark.ravel()])
+    if change @ equations.times(change) > max(_SIGMAS**2, noise):
         return ()
     scaled = (motion * found.null.scale)[:, None]
     length = float(np.linalg.norm(scaled))
@@ -330,15 +328,6 @@ def _weak_scale(
     if length < 1e-6:
         return ()
     return (Direction("scale", 1, found.null.eigenvalue(scaled / length), found.shares(scaled / length)),)
-
-
-def _information(equations: NormalEquations, motion: Array, landmark: Array) -> float:
-    """x^T H x of a direction: motion part (9N,), landmark part (K, 3)."""
-    s = equations.structure
-    pose = motion[s.columns[s.pair_keyframe, :6]]
-    cross = float(np.einsum("pi,pij,pj->", pose, equations.pair, landmark[s.pair_landmark]))
-    own = float(np.einsum("ki,kij,kj->", landmark, equations.landmark, landmark))
-    return float(motion @ equations.motion @ motion) + 2.0 * cross + own
 
 
 def _rays(equations: NormalEquations, state: State) -> tuple[Array, Array]:

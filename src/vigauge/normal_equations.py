@@ -59,6 +59,22 @@ class NormalEquations:
         motion = by_kind(layout.from_stored(layout.diagonal(self.storage)))
         return np.concatenate([motion, self.landmark.reshape(-1, 9)[:, ::4].ravel()])
 
+    def times(self, vector: Array) -> Array:
+        """H x of a vector x (9N + 3K,), from the blocks."""
+        s = self.structure
+        n_motion = s.layout.size
+        landmark = vector[n_motion:].reshape(-1, 3)
+        out = self.motion @ vector[:n_motion]
+        pose = vector[s.columns[:, :6]]
+        np.add.at(
+            out,
+            s.columns[s.pair_keyframe, :6],
+            np.einsum("pij,pj->pi", self.pair, landmark[s.pair_landmark]),
+        )
+        across = np.einsum("kij,kj->ki", self.landmark, landmark)
+        np.add.at(across, s.pair_landmark, np.einsum("pij,pi->pj", self.pair, pose[s.pair_keyframe]))
+        return np.concatenate([out, across.ravel()])
+
     def with_prior(self, columns: Index, residual: Array, jacobian: Array) -> NormalEquations:
         """Add a whitened residual that depends on the motion parameters ``columns`` only."""
         out = replace(self, storage=self.storage.copy(), keyframe_gradient=self.keyframe_gradient.copy())

@@ -63,7 +63,7 @@ class Chart:
     def locate(self, state: State) -> tuple[float, float]:
         """(alpha, s) nearest to a state: yaw of its alignment, and projection onto d in the metric of H."""
         aligned = align_all_poses(state, self.minimum)
-        H_d = self._metric(self.direction)
+        H_d = self.equations.times(self.direction)
         return -_yaw_between(state, aligned), float(
             self.minimum.local(aligned) @ H_d / (self.direction @ H_d)
         )
@@ -71,22 +71,6 @@ class Chart:
     def gauge_yaw(self, s: float) -> float:
         """alpha at which the gauge C (first yaw as at the start) crosses the chart at s."""
         return yaw_to_first_pose(self.minimum.retract(s * self.direction))
-
-    def _metric(self, vector: Array) -> Array:
-        """H times a vector, from the blocks."""
-        e = self.equations
-        s = e.structure
-        n = e.structure.layout.size
-        landmark = vector[n:].reshape(-1, 3)
-        out = e.motion @ vector[:n]
-        pose = vector[s.columns[:, :6]]
-        pair = e.pair
-        np.add.at(
-            out, s.columns[s.pair_keyframe, :6], np.einsum("pij,pj->pi", pair, landmark[s.pair_landmark])
-        )
-        across = np.einsum("kij,kj->ki", e.landmark, landmark)
-        np.add.at(across, s.pair_landmark, np.einsum("pij,pi->pj", pair, pose[s.pair_keyframe]))
-        return np.concatenate([out, across.ravel()])
 
 
 def _yaw_between(state: State, aligned: State) -> float:
