@@ -61,8 +61,11 @@ def _inertial_factor(problem: Problem, row: int) -> gtsam.NoiseModelFactor:
     return factor.cloneWithNewNoiseModel(gtsam.noiseModel.Gaussian.Covariance(covariance))
 
 
-def _first_pose_prior(reference: State, weight: float) -> gtsam.CustomFactor:
-    """Eq. (11), the one factor in Python: GTSAM has none on a position and a single angle."""
+def first_pose_factor(reference: State, noise: gtsam.noiseModel.Base) -> gtsam.CustomFactor:
+    """First position and z of dphi_0: Eq. (11), or with a constrained noise model Eq. (10).
+
+    The one factor in Python: GTSAM has none on a position and a single angle.
+    """
     R_ref = gtsam.Rot3(reference.R_WB0_ref)
 
     def error(this, values, jacobians):  # type: ignore[no-untyped-def]
@@ -70,17 +73,18 @@ def _first_pose_prior(reference: State, weight: float) -> gtsam.CustomFactor:
         R = T.rotation()
         dphi_0 = gtsam.Rot3.Logmap(R.compose(R_ref.inverse()))
         if jacobians is not None:
+            # A left increment is R times the right one; J_l^-1(phi) = J_r^-1(-phi).
             by_rotation = gtsam.Rot3.LogmapDerivative(-dphi_0) @ R.matrix()
             jacobians[0] = np.asfortranarray(
                 np.block([[np.zeros((3, 3)), R.matrix()], [by_rotation[2:], np.zeros((1, 3))]])
             )
         return np.append(T.translation() - reference.p_W[0], dphi_0[2])
 
-    return gtsam.CustomFactor(gtsam.noiseModel.Isotropic.Precision(4, weight), [X(0)], error)
+    return gtsam.CustomFactor(noise, [X(0)], error)
 
 
-def graph_of(problem: Problem, prior_weight: float | None) -> gtsam.NonlinearFactorGraph:
-    """All measurements; the gauge prior where a weight is given."""
+def observations_of(problem: Problem) -> gtsam.NonlinearFactorGraph:
+    """The images' measurements."""
     graph = gtsam.NonlinearFactorGraph()
     pixel = gtsam.noiseModel.Isotropic.Sigma(2, problem.sigma_px)
     rigs = [
@@ -95,23 +99,36 @@ def graph_of(problem: Problem, prior_weight: float | None) -> gtsam.NonlinearFac
         strict=True,
     ):
         graph.add(gtsam.GenericProjectionFactorCal3_S2(uv, pixel, X(i), L(j), *rigs[c]))
+    return graph
+
+
+def graph_of(problem: Problem, prior_weight: float | None) -> gtsam.NonlinearFactorGraph:
+    """All measurements; the gauge prior where a weight is given."""
+    graph = observations_of(problem)
     still = gtsam.noiseModel.Isotropic.Sigma(6, _BIAS_SIGMA)
     for row in range(len(problem.inertial.dt)):
         graph.add(_inertial_factor(problem, row))
         graph.add(gtsam.PriorFactorConstantBias(B(row), gtsam.imuBias.ConstantBias(), still))
     if prior_weight is not None:
-        graph.add(_first_pose_prior(problem.initial, prior_weight))
+        noise = gtsam.noiseModel.Isotropic.Precision(4, prior_weight)
+        graph.add(first_pose_factor(problem.initial, noise))
     return graph
 
 
-def values_of(problem: Problem, state: State) -> gtsam.Values:
-    """A state as GTSAM's values, biases at zero."""
+def values_of(state: State) -> gtsam.Values:
+    """A state as GTSAM's values."""
     values = gtsam.Values()
     for i in range(state.n_keyframes):
         values.insert(X(i), gtsam.Pose3(gtsam.Rot3(state.R_WB[i]), state.p_W[i]))
         values.insert(V(i), state.v_W[i])
     for j in range(state.n_landmarks):
         values.insert(L(j), state.X_W[j])
+    return values
+
+
+def values_with_biases(problem: Problem, state: State) -> gtsam.Values:
+    """The same, and the bias of each inertial factor at zero."""
+    values = values_of(state)
     for row in range(len(problem.inertial.dt)):
         values.insert(B(row), gtsam.imuBias.ConstantBias())
     return values

@@ -96,7 +96,7 @@ class Gtsam:
         from . import peer_gtsam
 
         self.peer, self.problem, self.tolerance, self.limit = peer_gtsam, problem, tolerance, limit
-        self.values = peer_gtsam.values_of(problem, problem.initial)
+        self.values = peer_gtsam.values_with_biases(problem, problem.initial)
         self.graphs: dict[str, Any] = {}
 
     def prepare(self, gauge: str) -> None:
@@ -129,7 +129,7 @@ class Gtsam:
     def covariance(self, state: State, gauge: str, variant: str) -> tuple[Array, float]:
         import gtsam
 
-        graph, values = self._graph(gauge), self.peer.values_of(self.problem, state)
+        graph, values = self._graph(gauge), self.peer.values_with_biases(self.problem, state)
         if variant == "blocks":
             pairs = self.peer.keyframe_keys(state.n_keyframes)
             begin = time.perf_counter()

@@ -1,7 +1,7 @@
 """The same problems in GTSAM: minimum and covariance by other residuals, on another manifold.
 
-Projection factors are GTSAM's own. The inertial factor is written here in GTSAM's terms, with
-increments on the right, in the body frame, where ours are on the left, in the world.
+Projection factors are GTSAM's own, and as the benchmarks have them. The inertial factor is written here
+in GTSAM's terms, with increments on the right, in the body frame, where ours are on the left, in the world.
 """
 
 from __future__ import annotations
@@ -23,7 +23,16 @@ from vigauge.residuals import cost
 from vigauge.state import State
 
 gtsam = pytest.importorskip("gtsam")
-from gtsam.symbol_shorthand import L, V, X  # noqa: E402
+from gtsam.symbol_shorthand import V, X  # noqa: E402
+
+from benchmarks.peer_gtsam import (  # noqa: E402
+    first_pose_factor,
+    in_our_parameters,
+    motion_keys,
+    observations_of,
+    state_of,
+    values_of,
+)
 
 pytestmark = pytest.mark.oracle
 
@@ -62,63 +71,12 @@ def inertial_factor(problem: Problem, row: int):
     return gtsam.CustomFactor(noise, [X(i), V(i), X(j), V(j)], error)
 
 
-def first_pose_factor(reference: State, noise):
-    """Eq. (11), or with a constrained noise model Eq. (10): first position, and z of dphi_0."""
-    R_ref = gtsam.Rot3(reference.R_WB0_ref)
-
-    def error(this, values, jacobians):
-        T = values.atPose3(this.keys()[0])
-        R = T.rotation()
-        dphi_0 = gtsam.Rot3.Logmap(R.compose(R_ref.inverse()))
-        if jacobians is not None:
-            # A left increment is R times the right one; J_l^-1(phi) = J_r^-1(-phi).
-            by_rotation = gtsam.Rot3.LogmapDerivative(-dphi_0) @ R.matrix()
-            jacobians[0] = np.asfortranarray(
-                np.block([[np.zeros((3, 3)), R.matrix()], [by_rotation[2:], np.zeros((1, 3))]])
-            )
-        return np.append(T.translation() - reference.p_W[0], dphi_0[2])
-
-    return gtsam.CustomFactor(noise, [X(0)], error)
-
-
 def graph_of(problem: Problem):
     """All measurements of a problem, without any gauge."""
-    graph = gtsam.NonlinearFactorGraph()
-    pixel = gtsam.noiseModel.Isotropic.Sigma(2, problem.sigma_px)
-    rigs = [
-        (gtsam.Cal3_S2(c.fx, c.fy, 0.0, c.cx, c.cy), gtsam.Pose3(gtsam.Rot3(c.R_BC), c.p_BC))
-        for c in problem.cameras
-    ]
-    for i, c, j, uv in zip(
-        problem.obs_keyframe, problem.obs_camera, problem.obs_landmark, problem.obs_uv, strict=True
-    ):
-        graph.add(gtsam.GenericProjectionFactorCal3_S2(uv, pixel, X(int(i)), L(int(j)), *rigs[c]))
+    graph = observations_of(problem)
     for row in range(len(problem.inertial.dt)):
         graph.add(inertial_factor(problem, row))
     return graph
-
-
-def values_of(state: State):
-    values = gtsam.Values()
-    for i in range(state.n_keyframes):
-        values.insert(X(i), gtsam.Pose3(gtsam.Rot3(state.R_WB[i]), state.p_W[i]))
-        values.insert(V(i), state.v_W[i])
-    for j in range(state.n_landmarks):
-        values.insert(L(j), state.X_W[j])
-    return values
-
-
-def state_of(values, like: State) -> State:
-    poses = [values.atPose3(X(i)) for i in range(like.n_keyframes)]
-    R_WB = np.array([pose.rotation().matrix() for pose in poses])
-    return State(
-        p_W=np.array([pose.translation() for pose in poses]),
-        R_WB=R_WB,
-        v_W=np.array([values.atVector(V(i)) for i in range(like.n_keyframes)]),
-        X_W=np.array([values.atPoint3(L(j)) for j in range(like.n_landmarks)]),
-        dphi_0=so3.log(R_WB[0] @ like.R_WB0_ref.T),
-        R_WB0_ref=like.R_WB0_ref,
-    )
 
 
 def with_gauge(problem: Problem, gauge: str, weight: float = 1e5):
@@ -201,17 +159,8 @@ def test_same_minimum(shape, points, gauge, record_property):
 
 def marginal_covariance(graph, values, state: State) -> np.ndarray:
     """(9N, 9N) covariance by gtsam.Marginals, taken to our parameters and our order."""
-    n = state.n_keyframes
-    keys = [X(i) for i in range(n)] + [V(i) for i in range(n)]
-    joint = gtsam.Marginals(graph, values).jointMarginalCovariance(keys)
-    theirs = np.block([[joint.at(a, b) for b in keys] for a in keys])
-    T = np.zeros((9 * n, 9 * n))
-    for i, R in enumerate(state.R_WB):
-        left = R if i else so3.left_jacobian_inverse(state.dphi_0) @ R
-        T[3 * i : 3 * i + 3, 6 * i + 3 : 6 * i + 6] = R  # GTSAM: rotation, then translation in the body
-        T[3 * n + 3 * i : 3 * n + 3 * i + 3, 6 * i : 6 * i + 3] = left
-        T[6 * n + 3 * i : 6 * n + 3 * i + 3, 6 * n + 3 * i : 6 * n + 3 * i + 3] = np.eye(3)
-    return T @ theirs @ T.T
+    joint = gtsam.Marginals(graph, values).jointMarginalCovariance(motion_keys(state.n_keyframes))
+    return in_our_parameters(joint, state)
 
 
 @pytest.mark.parametrize(("shape", "points"), CONFIGURATIONS)
