@@ -1,11 +1,13 @@
-"""What the commands of tables and figures share: lists of named files, the published numbers."""
+"""What commands share: lists of named files, sections of the configuration, the published numbers."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from vigauge.cli.stage import json_argument
+from vigauge.files import write_rows
 
 
 def named_text(text: str) -> tuple[str, str]:
@@ -22,9 +24,14 @@ def named_file(text: str) -> tuple[str, Path]:
     return name, Path(file)
 
 
+def add_section(arguments: argparse.ArgumentParser, flag: str, section: str) -> None:
+    """A flag that carries a section of the configuration as JSON."""
+    arguments.add_argument(flag, type=json_argument, required=True, help=f"config section '{section}'")
+
+
 def add_solver(arguments: argparse.ArgumentParser) -> None:
     """``--solver`` JSON: the Levenberg-Marquardt options."""
-    arguments.add_argument("--solver", type=json_argument, required=True, help="config section 'solver'")
+    add_section(arguments, "--solver", "solver")
 
 
 def add_prior_weight(arguments: argparse.ArgumentParser, about: str = "w^P of Section V-A") -> None:
@@ -37,6 +44,30 @@ def add_published(arguments: argparse.ArgumentParser) -> None:
     arguments.add_argument(
         "--published", type=Path, help="folder of the published numbers to show beside ours"
     )
+
+
+def add_published_names(arguments: argparse.ArgumentParser) -> None:
+    """``--published-names``: which sequences are the paper's, and what it calls them."""
+    arguments.add_argument(
+        "--published-names",
+        type=named_text,
+        nargs="*",
+        default=[],
+        help="NAME=the paper's name of a sequence",
+    )
+
+
+def table_files(names: Sequence[str]) -> Callable[[argparse.Namespace], list[Path]]:
+    """The files that :func:`write_tables` makes, for the stage's stamp."""
+    return lambda options: [options.output / f"{name}.csv" for name in names]
+
+
+def write_tables(
+    folder: Path, names: Sequence[str], tables: Mapping[str, Sequence[Mapping[str, object]]]
+) -> None:
+    """NAME.csv of each table; other experiments write beside them, so a stage names its own."""
+    for name in names:
+        write_rows(folder / f"{name}.csv", tables[name])
 
 
 def stem_of(text: str) -> Path:

@@ -12,8 +12,8 @@ import pandas as pd
 from vigauge.claims import Criteria, Evidence, explanations, ledger, paired_statistics
 from vigauge.claims.page import evidence_links
 from vigauge.claims.sensitivity import ranges
-from vigauge.cli.artefacts import named_file
-from vigauge.cli.stage import LOG, json_argument, parser, run, settings_from
+from vigauge.cli.artefacts import add_section, named_file
+from vigauge.cli.stage import LOG, parser, run, settings_from
 from vigauge.errors import MixtureError
 from vigauge.files import write_rows, write_text
 from vigauge.provenance import require_coherent
@@ -113,7 +113,7 @@ def main() -> None:
     )
     arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
     arguments.add_argument("--machine", type=Path, required=True, help="what the times were taken on")
-    arguments.add_argument("--criteria", type=json_argument, required=True, help="config section 'claims'")
+    add_section(arguments, "--criteria", "claims")
     arguments.add_argument("--output", type=Path, required=True, help="claims.csv; claims.md goes beside it")
     arguments.add_argument("--why", type=Path, required=True, help="output: reason of each claim")
     arguments.add_argument("--statistics", type=Path, required=True, help="output: paired differences")

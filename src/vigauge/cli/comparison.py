@@ -9,7 +9,7 @@ import pandas as pd
 
 from vigauge.claims.comparison import FACTOR, numbers, score
 from vigauge.claims.ratios import NOT_EXPLAINED, Experiments, comparison_rows, reasons
-from vigauge.cli.artefacts import named_text
+from vigauge.cli.artefacts import add_published_names
 from vigauge.cli.stage import LOG, parser, run
 from vigauge.files import write_rows, write_text
 from vigauge.names import STAND_IN
@@ -76,13 +76,7 @@ def main() -> None:
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
     arguments.add_argument("--reasons", type=Path, required=True, help="folder of explaining experiments")
     arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
-    arguments.add_argument(
-        "--published-names",
-        type=named_text,
-        nargs="*",
-        default=[],
-        help="NAME=the paper's name of a sequence",
-    )
+    add_published_names(arguments)
     arguments.add_argument("--drawn", required=True, help="sequence that stands for that of Fig. 1")
     arguments.add_argument("--output", type=Path, required=True, help="CSV; the page goes beside it")
     arguments.add_argument("--why", type=Path, required=True, help="output: what the experiments found")

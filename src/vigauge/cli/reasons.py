@@ -13,9 +13,15 @@ import numpy as np
 import pandas as pd
 
 from vigauge.archive import load_arrays, load_problems, load_states
-from vigauge.cli.artefacts import add_prior_weight, add_solver, named_file
-from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
-from vigauge.files import write_rows
+from vigauge.cli.artefacts import (
+    add_prior_weight,
+    add_section,
+    add_solver,
+    named_file,
+    table_files,
+    write_tables,
+)
+from vigauge.cli.stage import LOG, Stamped, parser, run, settings_from
 from vigauge.gauge import FixedGauge, FreeGauge, Gauge, PriorGauge, three_gauges
 from vigauge.levenberg_marquardt import Options
 from vigauge.problem import Problem
@@ -135,8 +141,7 @@ def work(options: argparse.Namespace) -> None:
     settings = settings_from(Settings, options.settings, "reasons")
     solver = settings_from(Options, options.solver, "solver")
     tables = solved(options, settings, solver) | read_off(options)
-    for name in TABLES:
-        write_rows(options.output / f"{name}.csv", tables[name])
+    write_tables(options.output, TABLES, tables)
 
 
 def main() -> None:
@@ -153,14 +158,14 @@ def main() -> None:
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
     add_prior_weight(arguments)
     add_solver(arguments)
-    arguments.add_argument("--settings", type=json_argument, required=True, help="config section 'reasons'")
+    add_section(arguments, "--settings", "reasons")
     arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
     run(
         work,
         arguments,
         Stamped(
             {"solver": "solver", "prior_weight": "prior.weight", "settings": "reasons"},
-            files=lambda options: [options.output / f"{name}.csv" for name in TABLES],
+            files=table_files(TABLES),
         ),
     )
 

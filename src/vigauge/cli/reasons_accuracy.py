@@ -14,10 +14,9 @@ import numpy as np
 import pandas as pd
 
 from vigauge.archive import load_arrays, load_problems, load_states
-from vigauge.cli.artefacts import add_solver, named_file, named_text
+from vigauge.cli.artefacts import add_section, add_solver, named_file, named_text, table_files, write_tables
 from vigauge.cli.sensitivity import changed
 from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
-from vigauge.files import write_rows
 from vigauge.gauge import FixedGauge, FreeGauge, Gauge
 from vigauge.levenberg_marquardt import Options
 from vigauge.names import AS_CONFIGURED
@@ -151,7 +150,7 @@ TABLES = ("accuracy", "sequence_accuracy", "expected", "paths")
 
 
 def work(options: argparse.Namespace) -> None:
-    accuracy = settings_from(AccuracySettings, options.settings, "reasons.accuracy")
+    accuracy = settings_from(AccuracySettings, options.settings, "accuracy")
     simulation = settings_from(SimulationSettings, options.simulation, "simulation")
     solver = settings_from(Options, options.solver, "solver")
     noise = dict(options.noise)
@@ -168,8 +167,7 @@ def work(options: argparse.Namespace) -> None:
         "expected": expectations(options.covariances, options.published),
         "paths": paths(options.truths, options.published),
     }
-    for name in TABLES:
-        write_rows(options.output / f"{name}.csv", tables[name])
+    write_tables(options.output, TABLES, tables)
 
 
 def main() -> None:
@@ -188,20 +186,16 @@ def main() -> None:
         help="NAME=JSON of its headline noise",
     )
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
-    arguments.add_argument(
-        "--simulation", type=json_argument, required=True, help="config section 'simulation'"
-    )
+    add_section(arguments, "--simulation", "simulation")
     add_solver(arguments)
-    arguments.add_argument(
-        "--settings", type=json_argument, required=True, help="config section 'reasons.accuracy'"
-    )
+    add_section(arguments, "--settings", "accuracy")
     arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
     run(
         work,
         arguments,
         Stamped(
             {"simulation": "simulation", "solver": "solver", "settings": "accuracy"},
-            files=lambda options: [options.output / f"{name}.csv" for name in TABLES],
+            files=table_files(TABLES),
         ),
     )
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from vigauge.cli.artefacts import add_prior_weight, add_solver
-from vigauge.cli.stage import Stamped, json_argument, parser, run, settings_from
+from vigauge.cli.artefacts import add_prior_weight, add_section, add_solver
+from vigauge.cli.stage import Stamped, parser, run, settings_from
 from vigauge.files import write_rows
 from vigauge.gauge import three_gauges
 from vigauge.levenberg_marquardt import Options
@@ -38,14 +38,10 @@ def work(options: argparse.Namespace) -> None:
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--configuration", required=True, help="simulated configuration, e.g. sine_plane")
-    arguments.add_argument(
-        "--simulation", type=json_argument, required=True, help="config section 'simulation'"
-    )
+    add_section(arguments, "--simulation", "simulation")
     add_solver(arguments)
     add_prior_weight(arguments)
-    arguments.add_argument(
-        "--settings", type=json_argument, required=True, help="config section 'iteration_time'"
-    )
+    add_section(arguments, "--settings", "iteration_time")
     arguments.add_argument("--output", type=Path, required=True, help="a row a run")
     run(
         work,

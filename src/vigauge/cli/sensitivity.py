@@ -8,8 +8,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from vigauge.cli.artefacts import add_prior_weight, add_solver
-from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
+from vigauge.cli.artefacts import add_prior_weight, add_section, add_solver
+from vigauge.cli.stage import LOG, Stamped, parser, run, settings_from
 from vigauge.errors import ConfigError
 from vigauge.experiment import Trial, first_solves, solution_row, solve_interleaved
 from vigauge.files import write_rows
@@ -57,9 +57,7 @@ def main() -> None:
     arguments.add_argument("--parameter", required=True, help="key of config section simulation or solver")
     arguments.add_argument("--value", type=float, required=True)
     arguments.add_argument("--trials", type=int, required=True, help="trials of each configuration")
-    arguments.add_argument(
-        "--settings", type=json_argument, required=True, help="config section 'simulation'"
-    )
+    add_section(arguments, "--settings", "simulation")
     add_solver(arguments)
     add_prior_weight(arguments)
     arguments.add_argument(

@@ -9,7 +9,8 @@ import pandas as pd
 
 from vigauge.claims import Criteria
 from vigauge.claims.sensitivity import judge_setting
-from vigauge.cli.stage import Stamped, json_argument, parser, run, settings_from
+from vigauge.cli.artefacts import add_section
+from vigauge.cli.stage import Stamped, parser, run, settings_from
 from vigauge.files import write_rows
 
 
@@ -31,7 +32,7 @@ def main() -> None:
         "--settings", nargs="+", required=True, help="PARAMETER=VALUE, names of these folders"
     )
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
-    arguments.add_argument("--criteria", type=json_argument, required=True, help="config section 'claims'")
+    add_section(arguments, "--criteria", "claims")
     arguments.add_argument("--output", type=Path, required=True, help="a row a setting and claim")
     run(work, arguments, Stamped({"criteria": "claims"}, outputs=("output",)))
 

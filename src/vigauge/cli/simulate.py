@@ -12,7 +12,8 @@ import numpy as np
 from tqdm import tqdm
 
 from vigauge.archive import save_problems, save_states
-from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run, settings_from
+from vigauge.cli.artefacts import add_section
+from vigauge.cli.stage import LOG, Stamped, parser, run, settings_from
 from vigauge.files import write_json, write_rows
 from vigauge.simulation.checks import chi_square_at_truth, describe
 from vigauge.simulation.scenario import make_scene, make_trials
@@ -45,9 +46,7 @@ def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--trajectory", required=True)
     arguments.add_argument("--points", required=True)
-    arguments.add_argument(
-        "--settings", type=json_argument, required=True, help="config section 'simulation'"
-    )
+    add_section(arguments, "--settings", "simulation")
     arguments.add_argument("--problems", type=Path, required=True, help="output: one problem a trial")
     arguments.add_argument("--truth", type=Path, required=True, help="output: the true state")
     arguments.add_argument("--path", type=Path, required=True, help="output: the dense trajectory")

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from vigauge.cli.artefacts import named_text
+from vigauge.cli.artefacts import add_published_names
 from vigauge.cli.stage import parser, run
 from vigauge.files import write_text
 from vigauge.names import ERRORS, STAND_IN
@@ -100,13 +100,7 @@ def main() -> None:
     )
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
-    arguments.add_argument(
-        "--published-names",
-        type=named_text,
-        nargs="*",
-        default=[],
-        help="NAME=the paper's name of a sequence",
-    )
+    add_published_names(arguments)
     arguments.add_argument("--output", type=Path, required=True)
     run(work, arguments)
 

@@ -6,7 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from vigauge.cli.artefacts import add_published, named_file, named_text, stem_of
+from vigauge.cli.artefacts import add_published, add_published_names, named_file, stem_of
 from vigauge.cli.stage import parser, run
 from vigauge.names import STAND_IN
 from vigauge.tables import degenerate, left_out, table1, table2, table3, trial_count, wide_errors, write_table
@@ -67,9 +67,7 @@ def main() -> None:
         default=[],
         help="Table III: NAME=report.json of the front-end",
     )
-    arguments.add_argument(
-        "--published-names", type=named_text, nargs="*", default=[], help="Table III: NAME=the paper's name"
-    )
+    add_published_names(arguments)
     add_published(arguments)
     run(work, arguments)
 
