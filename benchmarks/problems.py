@@ -143,7 +143,8 @@ def _tracks(
 ) -> tuple[Array, Index, Index, Array]:
     """Landmarks (K, 3) and their exact images: (keyframe, landmark, pixels).
 
-    Batches are drawn until K landmarks are seen often enough and under enough parallax.
+    Batches are drawn until K landmarks are seen often enough and under enough parallax. They are
+    numbered in order of first sight, as by a front-end.
     """
     found: list[tuple[Array, Index, Array]] = []
     missing = settings.n_landmarks
@@ -165,13 +166,14 @@ def _tracks(
             )
         )
         missing -= len(good)
-    index = np.concatenate([part[1] for part in found])
-    return (
-        np.concatenate([part[0] for part in found]),
-        index[:, 0],
-        index[:, 1],
-        np.concatenate([part[2] for part in found]),
-    )
+    keyframe, drawn = np.concatenate([part[1] for part in found]).T
+    first = np.full(settings.n_landmarks, len(p_W))
+    np.minimum.at(first, drawn, keyframe)
+    order = np.argsort(first, kind="stable")
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    X_W, uv = (np.concatenate([part[i] for part in found]) for i in (0, 2))
+    return X_W[order], keyframe, number[drawn], uv
 
 
 def _candidates(

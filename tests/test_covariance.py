@@ -149,7 +149,9 @@ def test_prior_covariance_is_the_inverse_with_the_prior(weight):
     H, n = equations.dense(), 9 * state.n_keyframes
     H[FIXED.held(state), FIXED.held(state)] += weight
     expected = dense_without(H, np.empty(0, dtype=int))[:n, :n]
-    assert relative_frobenius(motion_covariance(problem, state, PriorGauge(weight)), expected) < 1e-7
+    # The dense inverse loses the digits by which a weak prior's freedom exceeds the shape.
+    found = motion_covariance(problem, state, PriorGauge(weight))
+    assert relative_frobenius(found, expected) < 1e-10 * max(1.0, 1e4 / weight)
 
 
 @pytest.mark.parametrize("gauge", [CentroidGauge(), KeyframeGauge(index=3), KeyframeGauge(index=0)])

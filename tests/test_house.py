@@ -74,6 +74,7 @@ CONFINED = {
     "snakemake": set(),
     "grimp": {"cli"},
     "numba": {"kernels"},
+    "llvmlite": {"kernels"},
     "rosbags": {"euroc"},
 }
 

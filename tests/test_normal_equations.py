@@ -55,12 +55,34 @@ def test_groups_take_every_landmark_once():
     """Catches landmarks between two groups: short tracks over many keyframes need several."""
     problem = random_problem(4, n_keyframes=60, n_landmarks=6000, window=3)
     structure = linearise(problem, problem.initial).structure
-    assert len(structure.groups) > 5
-    landmarks = np.concatenate([group.landmarks for group in structure.groups])
-    assert np.array_equal(np.sort(landmarks), np.arange(structure.n_landmarks))
-    for group in structure.groups:
-        pairs = np.flatnonzero(np.isin(structure.pair_landmark, group.landmarks))
-        assert np.array_equal(group.keyframes[structure.pair_row[pairs]], structure.pair_keyframe[pairs])
+    assert structure.n_groups > 5
+    assert np.array_equal(np.sort(structure.order), np.arange(structure.n_landmarks))
+    for g in range(structure.n_groups):
+        members = structure.order[structure.group_landmark[g] : structure.group_landmark[g + 1]]
+        keyframes = structure.seen[structure.group_seen[g] : structure.group_seen[g + 1]]
+        pairs = np.flatnonzero(np.isin(structure.pair_landmark, members))
+        assert np.array_equal(keyframes[structure.pair_row[pairs]], structure.pair_keyframe[pairs])
+        assert np.array_equal(np.unique(structure.pair_keyframe[pairs]), keyframes)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_runs_have_one_view_and_take_every_observation_once(seed):
+    """Catches an observation summed with the camera or the pose of another view, or into another pair."""
+    problem = random_problem(seed, n_keyframes=30, n_landmarks=3000, window=3)
+    s = problem.structure
+    assert np.array_equal(np.sort(s.observation), np.arange(len(problem.obs_uv)))
+    view = np.repeat(s.run_view, np.diff(s.run_start))
+    n_cameras = len(problem.cameras)
+    assert np.array_equal(view // n_cameras, problem.obs_keyframe[s.observation])
+    assert np.array_equal(view % n_cameras, problem.obs_camera[s.observation])
+    assert np.array_equal(s.obs_landmark, problem.obs_landmark[s.observation])
+    pair = np.where(s.obs_pair < 0, ~s.obs_pair, s.obs_pair)
+    assert np.array_equal(s.pair_keyframe[pair], problem.obs_keyframe[s.observation])
+    assert np.array_equal(s.pair_landmark[pair], problem.obs_landmark[s.observation])
+    # Each pair is begun once, before its other observations.
+    assert np.array_equal(np.sort(pair[s.obs_pair >= 0]), np.arange(len(s.pair_keyframe)))
+    _, first = np.unique(pair, return_index=True)
+    assert np.all(s.obs_pair[first] >= 0)
 
 
 def test_keyframes_without_observations():

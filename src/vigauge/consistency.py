@@ -15,7 +15,7 @@ from .covariance import covariance_of
 from .gauge import FixedGauge
 from .normal_equations import inertial_information, linearise
 from .problem import Problem
-from .residuals import evaluate
+from .residuals import inertial_residual, visual_residual
 from .state import State
 
 
@@ -34,8 +34,7 @@ def chi_square(problem: Problem, state: State) -> GroupChiSquare:
 
     Raises DegenerateError where more than the gauge is unobservable.
     """
-    found = evaluate(problem, state)
-    visual, inertial = found.visual, found.inertial
+    visual, inertial = visual_residual(problem, state), inertial_residual(problem, state)
     covariance = covariance_of(linearise(problem, state), state, FixedGauge(), problem.initial)
     taken = float(np.vdot(covariance, inertial_information(problem, state)))
     inertial_redundancy = inertial.size - taken

@@ -16,6 +16,7 @@ import scipy.linalg.lapack as lapack
 from numpy.typing import NDArray
 
 from .errors import SolverError
+from .kernels import covisibility
 from .so3 import Array
 
 Index = NDArray[np.int64]
@@ -53,29 +54,24 @@ def _pays(reach: int, n: int) -> bool:
     return _half_bandwidth(reach) < WIDEST_BAND * n
 
 
-def _reach(place: Index, pair_keyframe: Index, landmark_pair: Index, first: Index, second: Index) -> int:
+def _reach(place: Index, k: int, keyframe: Index, landmark: Index, first: Index, second: Index) -> int:
     """Largest distance in places between keyframes that share a landmark or an inertial factor."""
-    reach = int(np.max(np.abs(place[first] - place[second]), initial=0))
-    if len(pair_keyframe):
-        seen = place[pair_keyframe]
-        low = np.minimum.reduceat(seen, landmark_pair[:-1])
-        high = np.maximum.reduceat(seen, landmark_pair[:-1])
-        reach = max(reach, int(np.max(high - low)))
-    return reach
+    earliest, latest = np.empty((2, k), dtype=np.int64)
+    shared = covisibility.spans(keyframe, landmark, place, earliest, latest)
+    return max(shared, int(np.max(np.abs(place[first] - place[second]), initial=0)))
 
 
 def _near_neighbours(
-    n_keyframes: int, pair_keyframe: Index, landmark_pair: Index, first: Index, second: Index
+    n_keyframes: int, n_landmarks: int, keyframe: Index, landmark: Index, first: Index, second: Index
 ) -> Index:
     """(N,) places in reverse Cuthill-McKee order of the covisibility graph."""
     # Seldom needed, and a tenth of a second to import.
     import scipy.sparse
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    ones = np.ones(len(pair_keyframe))
-    seen_by = scipy.sparse.csr_array(
-        (ones, pair_keyframe, landmark_pair), (len(landmark_pair) - 1, n_keyframes)
-    )
+    seen_by = scipy.sparse.coo_array(
+        (np.ones(len(keyframe)), (landmark, keyframe)), (n_landmarks, n_keyframes)
+    ).tocsr()
     factors = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), (n_keyframes,) * 2).tocsr()
     graph = seen_by.T @ seen_by + factors
     order = reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)
@@ -101,22 +97,23 @@ class Layout:
 
     @classmethod
     def choose(
-        cls, n_keyframes: int, pair_keyframe: Index, landmark_pair: Index, first: Index, second: Index
+        cls, n_keyframes: int, n_landmarks: int, keyframe: Index, landmark: Index, first: Index, second: Index
     ) -> Layout:
         """Keyframes in their own order where that gives a band, else in reverse Cuthill-McKee, else dense.
 
-        ``pair_keyframe`` (P,) keyframes of each landmark in turn, ``landmark_pair`` (K + 1,) where
-        each landmark's begin; ``first`` and ``second`` (F,) keyframes that an inertial factor joins.
+        ``keyframe`` and ``landmark`` (M,) of every observation; ``first`` and ``second`` (F,) keyframes
+        that an inertial factor joins.
         """
         n = 9 * n_keyframes
+        seen = n_landmarks, keyframe, landmark, first, second
         place = np.arange(n_keyframes, dtype=np.int64)
         if n < SMALLEST_BAND:
             return cls(place, n - 1, False)
-        reach = _reach(place, pair_keyframe, landmark_pair, first, second)
+        reach = _reach(place, *seen)
         if _pays(reach, n):
             return cls(place, _half_bandwidth(reach), True)
-        place = _near_neighbours(n_keyframes, pair_keyframe, landmark_pair, first, second)
-        reach = _reach(place, pair_keyframe, landmark_pair, first, second)
+        place = _near_neighbours(n_keyframes, *seen)
+        reach = _reach(place, *seen)
         if _pays(reach, n):
             return cls(place, _half_bandwidth(reach), True)
         return cls(np.arange(n_keyframes, dtype=np.int64), n - 1, False)
@@ -155,13 +152,6 @@ class Layout:
         """(9N,) stored column of each column of the package's order."""
         out = np.empty(self.size, dtype=np.int64)
         out[self.columns] = self.column[:, None] + np.arange(9)
-        return out
-
-    @cached_property
-    def by_keyframe(self) -> Index:
-        """(9N,) place in a flat (N, 9) array by keyframe of each column of the package's order."""
-        out = np.empty(self.size, dtype=np.int64)
-        out[self.columns] = np.arange(self.size).reshape(-1, 9)
         return out
 
     @cached_property

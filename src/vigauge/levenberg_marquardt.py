@@ -9,6 +9,7 @@ and every step tried, but not that last one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -17,10 +18,11 @@ import numpy as np
 
 from .errors import SolverError
 from .gauge import Gauge, GaugePrior
+from .kernels.damping import clamped, predicted_decrease
 from .layout import Layout
 from .normal_equations import NormalEquations, linearise
 from .problem import Problem
-from .residuals import evaluate
+from .residuals import Evaluation, evaluate
 from .so3 import Array
 from .state import State
 from .workers import Workers
@@ -127,12 +129,12 @@ class _TrustRegion:
 
 @dataclass(frozen=True)
 class _Evaluation:
-    """A state, the gauge's prior there, the cost with it, and the mean reprojection error."""
+    """A state, the gauge's prior there, and the cost with and without it."""
 
     state: State
     prior: GaugePrior | None
     cost: float
-    mean_reprojection_px: float
+    measurements: Evaluation
 
 
 class _Objective:
@@ -150,11 +152,13 @@ class _Objective:
         prior = self.gauge.prior(state, self.problem.initial)
         if prior is not None:
             cost += 0.5 * float(prior.residual @ prior.residual)
-        return _Evaluation(state, prior, cost, found.mean_reprojection_px)
+        return _Evaluation(state, prior, cost, found)
 
     def linearise(self, here: _Evaluation) -> NormalEquations:
         """Equations at a state; those made before are no longer valid."""
-        self.spent = linearise(self.problem, here.state, self.workers, self.spent)
+        self.spent = linearise(
+            self.problem, here.state, self.workers, R_CW=here.measurements.R_CW, spent=self.spent
+        )
         if here.prior is not None:
             self.spent.add_prior(here.prior.columns, here.prior.residual, here.prior.jacobian)
         return self.spent
@@ -216,7 +220,7 @@ class _Run:
         self._linearise()
         # Column scaling is that of the first Jacobian for the whole run (Ceres' jacobi_scaling);
         # it matters only where it meets the clamps of the damping.
-        self.scale = 1.0 / (1.0 + np.sqrt(self.equations.diagonal()))
+        self.scale_squared = (1.0 + np.sqrt(self.diagonal)) ** -2
         invalid = 0
         while True:
             status = self._must_stop()
@@ -256,18 +260,27 @@ class _Run:
 
     def _linearise(self) -> None:
         self.equations = self.objective.linearise(self.here)
+        self.diagonal, self.gradient = self.equations.diagonal(), self.equations.gradient
+        self.gradient[self.held] = 0.0
 
     def _step(self) -> tuple[Array | None, float]:
         """The damped step and the decrease of the cost that the linear model predicts."""
         o = self.options
-        scaled = np.clip(self.equations.diagonal() * self.scale**2, o.minimum_diagonal, o.maximum_diagonal)
-        damping = scaled / self.scale**2 / self.region.radius
+        damping = np.empty_like(self.diagonal)
+        clamped(
+            self.diagonal,
+            self.scale_squared,
+            o.minimum_diagonal,
+            o.maximum_diagonal,
+            self.region.radius,
+            damping,
+        )
         try:
-            step = self.equations.eliminate(damping, self.objective.workers).solve(self.held)
+            reduced = self.equations.eliminate(damping, self.objective.workers)
+            step = reduced.solve(self.held, overwrite=True)
         except SolverError:
             return None, 0.0  # counted as an invalid step: the next one is damped more
-        # -(g dx + dx H dx / 2) with H dx = -g - D dx on the moving columns.
-        return step, 0.5 * float(step @ (damping * step) - self.equations.gradient @ step)
+        return step, predicted_decrease(self.gradient, damping, step)
 
     def _rejected(self) -> None:
         self.region.reject()
@@ -276,11 +289,8 @@ class _Run:
     def _must_stop(self) -> Status | None:
         if len(self.trace) > self.options.maximum_iterations:
             return Status.ITERATION_LIMIT
-        if self.trace[-1].accepted:
-            gradient = self.equations.gradient
-            gradient[self.held] = 0.0
-            if np.max(np.abs(gradient)) <= self.options.gradient_tolerance:
-                return Status.GRADIENT_TOLERANCE
+        if self.trace[-1].accepted and np.max(np.abs(self.gradient)) <= self.options.gradient_tolerance:
+            return Status.GRADIENT_TOLERANCE
         if self.region.radius <= self.options.minimum_radius:
             return Status.RADIUS_COLLAPSED
         return None
@@ -292,8 +302,8 @@ class _Run:
                 cost=self.here.cost,
                 radius=self.region.radius,
                 accepted=accepted,
-                mean_reprojection_px=self.here.mean_reprojection_px,
-                prior_position_m=float(np.linalg.norm(state.p_W[0] - start.p_W[0])),
+                mean_reprojection_px=self.here.measurements.mean_reprojection_px,
+                prior_position_m=math.dist(state.p_W[0], start.p_W[0]),
                 prior_yaw_rad=float(abs(state.dphi_0[2])),
                 seconds=self.clock() - self.begin,
             )

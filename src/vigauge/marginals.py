@@ -58,19 +58,22 @@ def landmark_covariances(
     wanted = _checked("landmarks", landmarks, state.n_landmarks)
     reduced = linearise(problem, state).eliminate()
     projection = GaugeProjection.of(reduced, state, gauge, problem.initial, landmarks=True)
+    couplings = reduced.couplings.blocks()
     out = np.empty((len(wanted), 3, 3))
     for number, landmark in enumerate(wanted):
         rows = 9 * state.n_keyframes + 3 * int(landmark) + np.arange(3)
-        out[number] = projection.apply_block(_held_block(reduced, projection, int(landmark)), rows)
+        out[number] = projection.apply_block(_held_block(reduced, couplings, projection, int(landmark)), rows)
     return out
 
 
-def _held_block(reduced: ReducedSystem, projection: GaugeProjection, landmark: int) -> Array:
+def _held_block(
+    reduced: ReducedSystem, couplings: Array, projection: GaugeProjection, landmark: int
+) -> Array:
     """(3, 3) block of G: C^-1 + C^-1 W^T G_m W C^-1, over the keyframes that see the landmark."""
     s = reduced.structure
-    pairs = slice(s.landmark_pair[landmark], s.landmark_pair[landmark + 1])
+    pairs = s.pairs_of(landmark)
     columns = s.columns[s.pair_keyframe[pairs], :6].ravel()
-    W = reduced.pair[pairs].reshape(-1, 3)
+    W = couplings[pairs].reshape(-1, 3)
     F = reduced.factor[landmark]
     inverse = F.T @ F
     return inverse + inverse @ (W.T @ projection.inverse.block(columns, columns) @ W) @ inverse

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg.blas as blas
 
 from .errors import DegenerateError, SolverError
 from .kernels import inertial as inertial_kernels
@@ -20,8 +19,38 @@ from .problem import Problem
 from .residuals import camera_rotations, first_rotation_chain, inertial_inputs
 from .so3 import Array
 from .state import State
-from .structure import CovisibleGroup, Structure
+from .structure import Structure
 from .workers import ALONE, Workers
+
+
+@dataclass(frozen=True)
+class Couplings:
+    """The 6 x 3 blocks W of all pairs, each kept as the six numbers of one 3 x 3 matrix.
+
+    Attributes
+    ----------
+    information : (P, 6) upper triangle of M = J_l^T J_l, see :mod:`vigauge.kernels.visual`
+    p_W, X_W : (N, 3) and (K, 3) positions of the keyframes and landmarks, m
+    chain : (3, 3) J_l(dphi_0), Eq. (9)
+    """
+
+    structure: Structure
+    information: Array
+    p_W: Array
+    X_W: Array
+    chain: Array
+
+    @property
+    def inputs(self) -> tuple[Array, Array, Array, Array]:
+        """What the kernels make a block from."""
+        return self.information, self.p_W, self.X_W, self.chain
+
+    def blocks(self) -> Array:
+        """(P, 6, 3) blocks of (position and rotation, landmark), in the structure's order of pairs."""
+        s = self.structure
+        out = np.empty((len(s.pair_keyframe), 6, 3))
+        schur.couplings(*self.inputs, s.order, s.landmark_pair, s.pair_keyframe, out)
+        return out
 
 
 @dataclass(frozen=True)
@@ -31,16 +60,16 @@ class NormalEquations:
     Attributes
     ----------
     storage : motion block A, as ``structure.layout`` stores it
-    pair : (P, 6, 3) blocks W of (position and rotation, landmark)
+    couplings : the blocks W
     landmark : (K, 3, 3) blocks C
-    keyframe_gradient, landmark_gradient : (N, 9) and (K, 3) parts of g = J^T r
+    motion_gradient, landmark_gradient : (9N,) in stored order and (K, 3), the parts of g = J^T r
     """
 
     structure: Structure
     storage: Array
-    pair: Array
+    couplings: Couplings
     landmark: Array
-    keyframe_gradient: Array
+    motion_gradient: Array
     landmark_gradient: Array
 
     @property
@@ -51,33 +80,32 @@ class NormalEquations:
     @property
     def gradient(self) -> Array:
         """(9N + 3K,) g = J^T r."""
-        return np.concatenate([by_kind(self.keyframe_gradient), self.landmark_gradient.ravel()])
+        motion = self.motion_gradient[self.structure.layout.stored]
+        return np.concatenate([motion, self.landmark_gradient.ravel()])
 
     def diagonal(self) -> Array:
         """(9N + 3K,) diagonal of H."""
         layout = self.structure.layout
-        motion = by_kind(layout.from_stored(layout.diagonal(self.storage)))
+        motion = layout.diagonal(self.storage)[layout.stored]
         return np.concatenate([motion, self.landmark.reshape(-1, 9)[:, ::4].ravel()])
 
     def times(self, vector: Array) -> Array:
         """H x of a vector x (9N + 3K,), from the blocks."""
         s = self.structure
         n_motion = s.layout.size
+        W, pair_landmark = self.couplings.blocks(), s.pair_landmark
         landmark = vector[n_motion:].reshape(-1, 3)
         out = self.motion @ vector[:n_motion]
         pose = vector[s.columns[:, :6]]
-        np.add.at(
-            out,
-            s.columns[s.pair_keyframe, :6],
-            np.einsum("pij,pj->pi", self.pair, landmark[s.pair_landmark]),
-        )
+        rows = s.columns[s.pair_keyframe, :6]
+        np.add.at(out, rows, np.einsum("pij,pj->pi", W, landmark[pair_landmark]))
         across = np.einsum("kij,kj->ki", self.landmark, landmark)
-        np.add.at(across, s.pair_landmark, np.einsum("pij,pi->pj", self.pair, pose[s.pair_keyframe]))
+        np.add.at(across, pair_landmark, np.einsum("pij,pi->pj", W, pose[s.pair_keyframe]))
         return np.concatenate([out, across.ravel()])
 
     def with_prior(self, columns: Index, residual: Array, jacobian: Array) -> NormalEquations:
         """Add a whitened residual that depends on the motion parameters ``columns`` only."""
-        out = replace(self, storage=self.storage.copy(), keyframe_gradient=self.keyframe_gradient.copy())
+        out = replace(self, storage=self.storage.copy(), motion_gradient=self.motion_gradient.copy())
         out.add_prior(columns, residual, jacobian)
         return out
 
@@ -85,7 +113,7 @@ class NormalEquations:
         """:meth:`with_prior` in place."""
         layout = self.structure.layout
         layout.add(self.storage, columns, jacobian.T @ jacobian)
-        self.keyframe_gradient.reshape(-1)[layout.by_keyframe[columns]] += jacobian.T @ residual
+        self.motion_gradient[layout.stored[columns]] += jacobian.T @ residual
 
     def eliminate(self, damping: Array | None = None, workers: Workers = ALONE) -> ReducedSystem:
         """Schur complement onto the motion of H + diag(damping); damping is (9N + 3K,).
@@ -94,36 +122,59 @@ class NormalEquations:
         DegenerateError where one is singular to rounding: a landmark seen along one line only.
         """
         s, layout = self.structure, self.structure.layout
-        storage, gradient = self.storage.copy(), self.keyframe_gradient.copy()
+        storage, gradient = self.storage.copy(), self.motion_gradient.copy()
         if damping is None:
             landmark_damping: Array = np.zeros((s.n_landmarks, 3))
         else:
-            n_motion = layout.size
-            layout.diagonal(storage)[:] += layout.to_stored(by_keyframe(damping[:n_motion], s.n_keyframes))
-            landmark_damping = damping[n_motion:].reshape(-1, 3)
+            layout.diagonal(storage)[layout.stored] += damping[: layout.size]
+            landmark_damping = damping[layout.size :].reshape(-1, 3)
         factor, half_gradient = np.empty_like(self.landmark), np.empty_like(self.landmark_gradient)
-        pivot = schur.factorise(
-            self.landmark, landmark_damping, self.landmark_gradient, factor, half_gradient
-        )
+
+        def take_out(piece: tuple[int, int], base: int, into: Array, gradient: Array) -> float:
+            return schur.eliminate(
+                *self.couplings.inputs,
+                self.landmark,
+                landmark_damping,
+                self.landmark_gradient,
+                s.group_landmark,
+                s.order,
+                s.landmark_pair,
+                s.pair_keyframe,
+                s.pair_row,
+                s.group_seen,
+                s.seen,
+                layout.column,
+                layout.stride,
+                base,
+                *piece,
+                factor,
+                half_gradient,
+                into,
+                gradient,
+            )
+
+        def apart(piece: tuple[int, int]) -> tuple[float, slice, Array, Array]:
+            """A piece's share: the stored entries between its first and last keyframes."""
+            stored = s.stored_by(piece)
+            share, gradient = np.zeros(stored.stop - stored.start), np.zeros(layout.size)
+            return take_out(piece, stored.start, share, gradient), stored, share, gradient
+
+        smallest = [1.0]
+        if s.pieces:
+            # The first piece goes where it belongs, and of short problems it is the only one.
+            smallest.append(take_out(s.pieces[0], 0, storage, gradient))
+            for pivot, stored, share, of_piece in workers.map(apart, s.pieces[1:]):
+                smallest.append(pivot)
+                storage[stored] += share
+                gradient += of_piece
+        pivot = min(smallest)
         if not pivot > 0.0:
             raise SolverError("a landmark's block of H is not positive definite")
         if damping is None and pivot < 1e3 * np.finfo(float).eps:
             raise DegenerateError(
                 f"landmark {_weakest(self.landmark)} is unobservable along its line of sight"
             )
-
-        def product(group: CovisibleGroup) -> tuple[Array, Array]:
-            width = len(group.keyframes)
-            spread = np.empty((3 * len(group.landmarks), 6 * width))
-            taken = np.zeros((width, 6))
-            schur.spread(
-                self.pair, factor, half_gradient, group.landmarks, s.landmark_pair, s.pair_row, spread, taken
-            )
-            return blas.dsyrk(1.0, spread.T, lower=1), taken
-
-        for group, (square, taken) in zip(s.groups, workers.map(product, s.groups), strict=True):
-            schur.scatter(square, taken, group.keyframes, layout.column, layout.stride, storage, gradient)
-        return ReducedSystem(s, storage, gradient, self.pair, factor, half_gradient)
+        return ReducedSystem(s, storage, gradient, self.couplings, factor, half_gradient)
 
     def dense(self) -> Array:
         """(9N + 3K, 9N + 3K) H itself: for small problems, tests and pictures."""
@@ -133,8 +184,9 @@ class NormalEquations:
         H[:n_motion, :n_motion] = self.motion
         rows = s.columns[s.pair_keyframe, :6][:, :, None]
         columns = (n_motion + 3 * s.pair_landmark[:, None] + np.arange(3))[:, None, :]
-        H[rows, columns] = self.pair
-        H[columns, rows] = self.pair
+        W = self.couplings.blocks()
+        H[rows, columns] = W
+        H[columns, rows] = W
         index = n_motion + np.arange(3 * s.n_landmarks).reshape(-1, 3)
         H[index[:, :, None], index[:, None, :]] = self.landmark
         return H
@@ -144,15 +196,15 @@ class NormalEquations:
 class ReducedSystem:
     """Reduced camera system S dx = -b, and what back-substitution needs.
 
-    ``storage`` S, as ``structure.layout`` stores it; ``keyframe_gradient`` (N, 9) b; ``pair``
-    (P, 6, 3) W; ``factor`` (K, 3, 3) F, lower triangular with F^T F = C^-1; ``half_gradient``
+    ``storage`` S, as ``structure.layout`` stores it; ``motion_gradient`` (9N,) b in stored order;
+    ``couplings`` W; ``factor`` (K, 3, 3) F, lower triangular with F^T F = C^-1; ``half_gradient``
     (K, 3) F g_landmark.
     """
 
     structure: Structure
     storage: Array
-    keyframe_gradient: Array
-    pair: Array
+    motion_gradient: Array
+    couplings: Couplings
     factor: Array
     half_gradient: Array
 
@@ -164,27 +216,49 @@ class ReducedSystem:
     @property
     def gradient(self) -> Array:
         """(9N,) b in the package's order."""
-        return by_kind(self.keyframe_gradient)
+        return self.motion_gradient[self.structure.layout.stored]
 
-    def solve(self, held: Index) -> Array:
+    def solve(self, held: Index, *, overwrite: bool = False) -> Array:
         """The full step (9N + 3K,), zero in the ``held`` motion columns.
+
+        With ``overwrite`` the factor is written over ``storage``, and this system is spent.
 
         Raises SolverError where the reduced system is not positive definite.
         """
-        layout = self.structure.layout
-        storage, right = self.storage.copy(), -layout.to_stored(self.keyframe_gradient)
+        s, layout = self.structure, self.structure.layout
+        storage, right = self.storage if overwrite else self.storage.copy(), -self.motion_gradient
         if len(held):
             layout.hold(storage, held)
             right[layout.stored[held]] = 0.0
-        motion = layout.from_stored(layout.factorise(storage).solve(right))
-        return np.concatenate([by_kind(motion), self.back_substitute(motion).ravel()])
+        motion = layout.factorise(storage).solve(right)
+        step = np.empty(layout.size + 3 * s.n_landmarks)
+        step[: layout.size] = motion[layout.stored]
+        schur.back_substitute(
+            *self.couplings.inputs,
+            self.factor,
+            self.half_gradient,
+            s.order,
+            s.landmark_pair,
+            s.pair_keyframe,
+            layout.column,
+            motion,
+            step[layout.size :].reshape(-1, 3),
+        )
+        return step
 
     def couple(self, landmark: Array) -> tuple[Array, Array]:
         """W C^-1 V (9N, 4) and V^T C^-1 V (4, 4) of landmark columns V (3K, 4)."""
         s = self.structure
         out, gram = np.zeros((s.n_keyframes, 9, 4)), np.zeros((4, 4))
         schur.couple(
-            self.pair, self.factor, s.landmark_pair, s.pair_keyframe, landmark.reshape(-1, 3, 4), out, gram
+            *self.couplings.inputs,
+            self.factor,
+            s.order,
+            s.landmark_pair,
+            s.pair_keyframe,
+            landmark.reshape(-1, 3, 4),
+            out,
+            gram,
         )
         return by_kind(out), gram
 
@@ -192,18 +266,11 @@ class ReducedSystem:
         """C^-1 (V - W^T Y) of landmark columns V (3K, c) and motion columns Y (9N, c): (3K, c)."""
         s = self.structure
         pose = by_keyframe(motion, s.n_keyframes)[s.pair_keyframe, :6]
-        coupled = np.add.reduceat(self.pair.swapaxes(1, 2) @ pose, s.landmark_pair[:-1], axis=0)
+        coupled = np.empty((s.n_landmarks, 3, motion.shape[1]))
+        W_T_Y = self.couplings.blocks().swapaxes(1, 2) @ pose
+        coupled[s.order] = np.add.reduceat(W_T_Y, s.landmark_pair[:-1], axis=0)
         half = self.factor @ (landmark.reshape(coupled.shape) - coupled)
         return (self.factor.swapaxes(1, 2) @ half).reshape(landmark.shape)
-
-    def back_substitute(self, motion: Array) -> Array:
-        """(K, 3) landmark steps that go with a motion step (N, 9) by keyframe."""
-        s = self.structure
-        out = np.empty_like(self.half_gradient)
-        schur.back_substitute(
-            self.pair, self.factor, self.half_gradient, s.landmark_pair, s.pair_keyframe, motion, out
-        )
-        return out
 
 
 def _weakest(landmark: Array) -> int:
@@ -214,19 +281,23 @@ def _weakest(landmark: Array) -> int:
 
 
 def linearise(
-    problem: Problem, state: State, workers: Workers = ALONE, spent: NormalEquations | None = None
+    problem: Problem,
+    state: State,
+    workers: Workers = ALONE,
+    *,
+    R_CW: Array | None = None,
+    spent: NormalEquations | None = None,
 ) -> NormalEquations:
     """H = J^T J and g = J^T r of Eq. (1) at a state, without any gauge.
 
-    ``spent`` equations of the same problem give up their large arrays, which are overwritten:
-    fresh memory costs as much as the sums that fill it.
+    ``R_CW`` where it is known, see :func:`vigauge.residuals.camera_rotations`. ``spent`` equations
+    of the same problem give up their large arrays, which are overwritten: fresh memory costs as
+    much as the sums that fill it.
     """
     s = problem.structure
-    layout = s.layout
-    chain = first_rotation_chain(state)
-    R_CW, p_CB = camera_rotations(problem, state)
-    storage, gradient = np.zeros(layout.length), np.zeros((s.n_keyframes, 9))
-    pair: Array = np.empty((len(s.pair_keyframe), 6, 3)) if spent is None else spent.pair
+    layout, cameras = s.layout, problem.camera_arrays
+    rotations = camera_rotations(problem, state) if R_CW is None else R_CW
+    information: Array = np.empty((len(s.pair_keyframe), 6)) if spent is None else spent.couplings.information
     landmark: Array = np.empty((s.n_landmarks, 3, 3)) if spent is None else spent.landmark
     landmark_gradient = np.empty((s.n_landmarks, 3)) if spent is None else spent.landmark_gradient
 
@@ -235,29 +306,36 @@ def linearise(
         visual.accumulate(
             state.p_W,
             state.X_W,
-            R_CW,
-            p_CB,
-            problem.camera_arrays["intrinsics"],
-            problem.obs_camera,
-            problem.obs_uv,
+            rotations,
+            cameras["p_CB"],
+            cameras["intrinsics"],
             1.0 / problem.sigma_px,
-            chain,
-            s.pair_start,
-            s.pair_keyframe,
+            s.group_landmark,
+            s.order,
             s.landmark_pair,
-            piece[0],
-            piece[1],
-            pair,
+            s.group_run,
+            s.run_start,
+            s.run_view,
+            s.obs_pair,
+            s.obs_landmark,
+            problem.ordered_uv,
+            *piece,
+            information,
             landmark,
             landmark_gradient,
             pose,
+            np.empty(visual.BLOCK),
         )
         return pose
 
-    pose = sum(workers.map(accumulate, s.pieces), np.zeros((s.n_keyframes, visual.POSE_ENTRIES)))
+    shares = list(workers.map(accumulate, s.pieces))
+    pose = sum(shares[1:], shares[0]) if shares else np.zeros((s.n_keyframes, visual.POSE_ENTRIES))
+    storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
+    chain = first_rotation_chain(state)
     visual.spread_poses(pose, chain, layout.column, layout.stride, storage, gradient)
     _add_inertial(problem, state, layout, chain, storage, gradient)
-    return NormalEquations(s, storage, pair, landmark, gradient, landmark_gradient)
+    couplings = Couplings(s, information, state.p_W, state.X_W, chain)
+    return NormalEquations(s, storage, couplings, landmark, gradient, landmark_gradient)
 
 
 def _add_inertial(
@@ -271,6 +349,6 @@ def _add_inertial(
 def inertial_information(problem: Problem, state: State) -> Array:
     """(9N, 9N) share of the inertial factors in H; they do not see the landmarks."""
     layout = problem.structure.layout
-    storage, gradient = np.zeros(layout.length), np.zeros((state.n_keyframes, 9))
+    storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
     _add_inertial(problem, state, layout, first_rotation_chain(state), storage, gradient)
     return layout.dense(storage)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .camera import Camera
 from .errors import DataError
 from .imu import Preintegrated
+from .kernels.covisibility import gather_pixels
 from .so3 import Array
 from .state import State
 from .structure import Structure
@@ -220,18 +221,28 @@ class Problem:
         return Structure.of(
             self.initial.n_keyframes,
             self.initial.n_landmarks,
-            self.obs_keyframe,
-            self.obs_landmark,
+            len(self.cameras),
+            (self.obs_keyframe, self.obs_camera, self.obs_landmark),
             (self.inertial.first, self.inertial.second),
         )
 
     @cached_property
+    def ordered_uv(self) -> Array:
+        """(2, M) pixels in the structure's order of observations."""
+        out = np.empty((2, len(self.obs_uv)))
+        gather_pixels(self.obs_uv, self.structure.observation, out)
+        return out
+
+    @cached_property
     def camera_arrays(self) -> dict[str, Array]:
-        """``intrinsics`` (C, 4) (fx, fy, cx, cy) and the extrinsics ``R_BC``, ``p_BC``, stacked."""
+        """``intrinsics`` (C, 4) (fx, fy, cx, cy) and the extrinsics ``R_BC``, ``p_BC``, ``p_CB``, stacked."""
         n = len(self.cameras)
+        R_BC = np.array([c.R_BC for c in self.cameras], dtype=float).reshape(n, 3, 3)
+        p_BC = np.array([c.p_BC for c in self.cameras], dtype=float).reshape(n, 3)
         intrinsics = np.array([(c.fx, c.fy, c.cx, c.cy) for c in self.cameras], dtype=float).reshape(n, 4)
         return {
             "intrinsics": intrinsics,
-            "R_BC": np.array([c.R_BC for c in self.cameras], dtype=float).reshape(n, 3, 3),
-            "p_BC": np.array([c.p_BC for c in self.cameras], dtype=float).reshape(n, 3),
+            "R_BC": R_BC,
+            "p_BC": p_BC,
+            "p_CB": -np.einsum("cji,cj->ci", R_BC, p_BC),
         }

@@ -28,13 +28,11 @@ def first_rotation_chain(state: State) -> Array:
     return chain
 
 
-def camera_rotations(problem: Problem, state: State) -> tuple[Array, Array]:
-    """R_CW (C, N, 3, 3) of every camera at every keyframe, and the body's origin in each camera (C, 3), m."""
-    cameras = problem.camera_arrays
+def camera_rotations(problem: Problem, state: State) -> Array:
+    """R_CW (C, N, 3, 3) of every camera at every keyframe."""
     R_CW = np.empty((len(problem.cameras), state.n_keyframes, 3, 3))
-    p_CB = np.empty((len(problem.cameras), 3))
-    visual_kernels.camera_rotations(state.R_WB, cameras["R_BC"], cameras["p_BC"], R_CW, p_CB)
-    return R_CW, p_CB
+    visual_kernels.camera_rotations(state.R_WB, problem.camera_arrays["R_BC"], R_CW)
+    return R_CW
 
 
 InertialInputs = tuple[Index, Index, Array, Array, Array, Array, Array, float, Array, Array, Array]
@@ -49,46 +47,63 @@ def inertial_inputs(problem: Problem, state: State) -> InertialInputs:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """``visual`` (M, 2) and ``inertial`` (F, 9) whitened residuals of a state, their ``cost`` 1/2 ||r||^2,
-    and the mean length of a reprojection error in pixels (Fig. 6)."""
+    """The ``cost`` 1/2 ||r||^2 of a state, and the mean length of a reprojection error in pixels (Fig. 6).
 
-    visual: Array
-    inertial: Array
+    ``R_CW`` as :func:`camera_rotations` gives it: the normal equations of the state need it again.
+    """
+
     cost: float
     mean_reprojection_px: float
+    R_CW: Array
 
 
 def evaluate(problem: Problem, state: State) -> Evaluation:
-    """All residuals of Eq. (1). Where a landmark has depth zero the cost is not finite; nothing is raised."""
-    visual = np.empty(problem.obs_uv.shape)
-    R_CW, p_CB = camera_rotations(problem, state)
-    squares, lengths = visual_kernels.residuals(
+    """The cost of Eq. (1), no residual kept. It is not finite where a landmark has depth zero."""
+    s = problem.structure
+    cameras = problem.camera_arrays
+    R_CW = camera_rotations(problem, state)
+    squares, lengths = visual_kernels.cost(
         state.p_W,
         state.X_W,
         R_CW,
-        p_CB,
-        problem.camera_arrays["intrinsics"],
+        cameras["p_CB"],
+        cameras["intrinsics"],
+        1.0 / problem.sigma_px,
+        s.run_start,
+        s.run_view,
+        s.obs_landmark,
+        problem.ordered_uv,
+    )
+    squares += inertial_kernels.cost(*inertial_inputs(problem, state))
+    count = len(problem.obs_uv)
+    return Evaluation(0.5 * squares, lengths * problem.sigma_px / count if count else 0.0, R_CW)
+
+
+def visual_residual(problem: Problem, state: State) -> Array:
+    """(M, 2) whitened r^V of Eq. (1): (predicted - measured) / sigma."""
+    out = np.empty(problem.obs_uv.shape)
+    cameras = problem.camera_arrays
+    visual_kernels.residuals(
+        state.p_W,
+        state.X_W,
+        camera_rotations(problem, state),
+        cameras["p_CB"],
+        cameras["intrinsics"],
         problem.obs_keyframe,
         problem.obs_camera,
         problem.obs_landmark,
         problem.obs_uv,
         1.0 / problem.sigma_px,
-        visual,
+        out,
     )
-    inertial = np.empty((len(problem.inertial.dt), 9))
-    squares += inertial_kernels.residuals(*inertial_inputs(problem, state), inertial)
-    mean_px = lengths * problem.sigma_px / len(visual) if len(visual) else 0.0
-    return Evaluation(visual, inertial, 0.5 * squares, mean_px)
-
-
-def visual_residual(problem: Problem, state: State) -> Array:
-    """(M, 2) whitened r^V of Eq. (1): (predicted - measured) / sigma."""
-    return evaluate(problem, state).visual
+    return out
 
 
 def inertial_residual(problem: Problem, state: State) -> Array:
     """(F, 9) whitened r^I of Eq. (1), order (position, rotation, velocity)."""
-    return evaluate(problem, state).inertial
+    out = np.empty((len(problem.inertial.dt), 9))
+    inertial_kernels.residuals(*inertial_inputs(problem, state), out)
+    return out
 
 
 def cost(problem: Problem, state: State) -> float:

@@ -136,13 +136,13 @@ class State:
         dphi_0 = self.dphi_0 + step[1, 0]
         R_WB = np.empty_like(self.R_WB)
         retract_rotations(self.R_WB, step[1], dphi_0, self.R_WB0_ref, R_WB)
-        return replace(
-            self,
+        return State(
             p_W=self.p_W + step[0],
             R_WB=R_WB,
             v_W=self.v_W + step[2],
             X_W=self.X_W + delta[9 * n :].reshape(-1, 3),
             dphi_0=dphi_0,
+            R_WB0_ref=self.R_WB0_ref,
         )
 
     def local(self, other: State) -> Array:

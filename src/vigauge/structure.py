@@ -1,4 +1,4 @@
-"""Which observations meet in one problem: pairs, groups for the elimination, storage of the motion block."""
+"""Which observations meet in one problem, and the order in which they are summed."""
 
 from __future__ import annotations
 
@@ -7,140 +7,166 @@ from functools import cached_property
 
 import numpy as np
 
+from .kernels import covisibility
+from .kernels.visual import Unsigned
 from .layout import Index, Layout
 
-# Products of a group are made by one call of BLAS, which costs as much as this many
-# multiplications (measured): neighbouring groups are joined while that saves calls.
-CALL_COST = 100_000.0
+# What a group adds to the products of its landmarks, in multiplications (measured): neighbouring
+# groups are joined while that saves work.
+CALL_COST = 20_000.0
 
 # Observations in a piece of a loop that may run on another core: a millisecond's work.
 PIECE = 40_000
 
 
 @dataclass(frozen=True)
-class CovisibleGroup:
-    """Landmarks that are first seen by neighbouring keyframes, and so by few keyframes in all.
-
-    Their W C^-1 W^T is one dense product over the ``keyframes`` that see any of them.
-    """
-
-    keyframes: Index
-    landmarks: Index
-
-
-@dataclass(frozen=True)
 class Structure:
     """Which observations meet: fixed for a problem, whatever the state.
 
+    A group is made of landmarks that are first seen by neighbouring keyframes, and so by few
+    keyframes in all: their W C^-1 W^T is one dense product over those. Landmarks, and with them
+    the (landmark, keyframe) pairs, stand in the order of groups. Within a group observations
+    stand by view, which is a camera at a keyframe; one view's are a run.
+
     Attributes
     ----------
-    pair_start : (P + 1,) first observation of each (landmark, keyframe) pair
-    pair_keyframe, pair_landmark : (P,) what the pair joins, ordered by landmark
-    landmark_pair : (K + 1,) first pair of each landmark
     layout : storage of the motion block
+    order : (K,) landmark at each place of that order
+    group_landmark : (G + 1,) first place of each group
+    landmark_pair : (K + 1,) first pair of the landmark at each place
+    pair_keyframe : (P,) keyframe of each pair
+    pair_row : (P,) place of that keyframe among those of the group
+    group_seen, seen : (G + 1,) where each group's keyframes begin, and the keyframes
+    group_run : (G + 1,) first run of each group
+    run_start, run_view : (R + 1,) first observation of each run, (R,) keyframe * C + camera
+    observation : (M,) number of each observation in the problem
+    obs_landmark : (M,) landmark of each observation
+    obs_pair : (M,) its pair q, or the complement ~q where another camera comes first in the pair
     """
 
     n_keyframes: int
     n_landmarks: int
-    pair_start: Index
-    pair_keyframe: Index
-    pair_landmark: Index
-    landmark_pair: Index
     layout: Layout
+    order: Index
+    group_landmark: Index
+    landmark_pair: Index
+    pair_keyframe: Index
+    pair_row: Index
+    group_seen: Index
+    seen: Index
+    group_run: Index
+    run_start: Index
+    run_view: Index
+    observation: Index
+    obs_landmark: Unsigned
+    obs_pair: Index
 
     @classmethod
-    def of(cls, n: int, k: int, keyframe: Index, landmark: Index, joined: tuple[Index, Index]) -> Structure:
-        """From the keyframe and landmark of every observation, ordered by landmark, then keyframe.
+    def of(
+        cls,
+        n: int,
+        k: int,
+        n_cameras: int,
+        observed: tuple[Index, Index, Index],
+        joined: tuple[Index, Index],
+    ) -> Structure:
+        """Of ``n`` keyframes and ``k`` landmarks.
 
-        ``n`` keyframes, ``k`` landmarks; ``joined`` (F,) first and second keyframes of the inertial factors.
+        ``observed`` (M,) keyframe, camera and landmark of every observation, ordered by landmark, then
+        keyframe; ``joined`` (F,) first and second keyframes of the inertial factors.
         """
-        # A change of either index starts a new pair; runs are contiguous (problem order).
-        change = np.ones(len(landmark) + 1, dtype=bool)
-        change[1:-1] = (landmark[1:] != landmark[:-1]) | (keyframe[1:] != keyframe[:-1])
-        pair_start = np.flatnonzero(change)
-        pair_keyframe = keyframe[pair_start[:-1]]
-        pair_landmark = landmark[pair_start[:-1]]
-        landmark_pair = np.searchsorted(pair_landmark, np.arange(k + 1))
+        keyframe, camera, landmark = observed
+        m = len(landmark)
+        layout = Layout.choose(n, k, keyframe, landmark, *joined)
+        first, last, number = (np.empty(size, dtype=np.int64) for size in (k, k, n))
+        covisibility.spans(keyframe, landmark, layout.place, first, last)
+        count = covisibility.join(first, last, n, CALL_COST, number)
+        group_landmark, group_run, group_seen = np.empty((3, count + 1), dtype=np.int64)
+        order, landmark_pair = np.empty(k, dtype=np.int64), np.empty(k + 1, dtype=np.int64)
+        covisibility.order_landmarks(first, last, number, count, group_landmark, order)
+        pair_keyframe, pair_row, observation, obs_pair = np.empty((4, m), dtype=np.int64)
+        obs_landmark = np.empty(m, dtype=np.uint32)
+        run_start, run_view, seen = np.empty((3, m + 1), dtype=np.int64)
+        pairs, runs, width = covisibility.arrange(
+            keyframe,
+            camera,
+            landmark,
+            n,
+            n_cameras,
+            group_landmark,
+            order,
+            landmark_pair,
+            pair_keyframe,
+            pair_row,
+            observation,
+            obs_pair,
+            obs_landmark,
+            group_run,
+            run_start,
+            run_view,
+            group_seen,
+            seen,
+        )
         return cls(
             n_keyframes=n,
             n_landmarks=k,
-            pair_start=pair_start,
-            pair_keyframe=pair_keyframe,
-            pair_landmark=pair_landmark,
+            layout=layout,
+            order=order,
+            group_landmark=group_landmark,
             landmark_pair=landmark_pair,
-            layout=Layout.choose(n, pair_keyframe, landmark_pair, *joined),
+            pair_keyframe=pair_keyframe[:pairs],
+            pair_row=pair_row[:pairs],
+            group_seen=group_seen,
+            seen=seen[:width],
+            group_run=group_run,
+            run_start=run_start[: runs + 1],
+            run_view=run_view[:runs],
+            observation=observation,
+            obs_landmark=obs_landmark,
+            obs_pair=obs_pair,
         )
 
-    @cached_property
-    def groups(self) -> tuple[CovisibleGroup, ...]:
-        return self._grouped[0]
+    @property
+    def n_groups(self) -> int:
+        return len(self.group_landmark) - 1
 
     @cached_property
-    def pair_row(self) -> Index:
-        """(P,) place of each pair's keyframe among the keyframes of its landmark's group."""
-        return self._grouped[1]
+    def pair_landmark(self) -> Index:
+        """(P,) landmark of each pair."""
+        return np.repeat(self.order, np.diff(self.landmark_pair))
 
     @cached_property
-    def _grouped(self) -> tuple[tuple[CovisibleGroup, ...], Index]:
-        if not self.n_landmarks:
-            return (), np.zeros(0, dtype=np.int64)
-        place = self.layout.place[self.pair_keyframe]
-        first = np.minimum.reduceat(place, self.landmark_pair[:-1])
-        last = np.maximum.reduceat(place, self.landmark_pair[:-1])
-        bucket = _joined_buckets(first, last, self.n_keyframes)[first]
-        by_bucket = np.argsort(bucket, kind="stable")
-        pair_bucket = bucket[self.pair_landmark]
-        pairs_by_bucket = np.argsort(pair_bucket, kind="stable")
-        numbers = np.unique(bucket)
-        ends = np.searchsorted(bucket[by_bucket], numbers, side="right")
-        pair_ends = np.searchsorted(pair_bucket[pairs_by_bucket], numbers, side="right")
-        groups, pair_row = [], np.empty(len(place), dtype=np.int64)
-        row = np.empty(self.n_keyframes, dtype=np.int64)
-        lo, pair_lo = 0, 0
-        for hi, pair_hi in zip(ends, pair_ends, strict=True):
-            pairs = pairs_by_bucket[pair_lo:pair_hi]
-            keyframe = self.pair_keyframe[pairs]
-            seen = np.flatnonzero(np.bincount(keyframe))
-            row[seen] = np.arange(len(seen))
-            pair_row[pairs] = row[keyframe]
-            groups.append(CovisibleGroup(seen, by_bucket[lo:hi]))
-            lo, pair_lo = hi, pair_hi
-        return tuple(groups), pair_row
+    def rank(self) -> Index:
+        """(K,) place of each landmark in the order of groups."""
+        out = np.empty_like(self.order)
+        out[self.order] = np.arange(self.n_landmarks)
+        return out
+
+    def pairs_of(self, landmark: int) -> slice:
+        """The pairs of one landmark."""
+        place = self.rank[landmark]
+        return slice(int(self.landmark_pair[place]), int(self.landmark_pair[place + 1]))
 
     @cached_property
     def pieces(self) -> tuple[tuple[int, int], ...]:
-        """Ranges of landmarks with about equally many observations each, whatever the number of cores."""
-        total = int(self.pair_start[-1])
+        """Ranges of groups with about equally many observations each, whatever the number of cores."""
+        total = len(self.observation)
         count = max(1, round(total / PIECE))
-        ends = np.searchsorted(self.pair_start[self.landmark_pair], total * np.arange(1, count) / count)
-        bounds = [0, *ends.tolist(), self.n_landmarks]
-        return tuple(zip(bounds[:-1], bounds[1:], strict=True))
+        if count == 1:
+            return ((0, self.n_groups),) if self.n_groups else ()
+        begins = self.run_start[self.group_run]
+        ends = np.unique(np.searchsorted(begins, total * np.arange(1, count) / count))
+        bounds = [0, *ends.tolist(), self.n_groups]
+        return tuple((lo, hi) for lo, hi in zip(bounds[:-1], bounds[1:], strict=True) if lo < hi)
+
+    def stored_by(self, piece: tuple[int, int]) -> slice:
+        """Stored entries of the motion block that the groups of a piece have a share in lie in this range."""
+        groups = slice(self.group_seen[piece[0]], self.group_seen[piece[1]])
+        columns = self.layout.column[self.seen[groups]]
+        low, high = int(columns.min()), int(columns.max()) + 8
+        return slice(low * (self.layout.stride + 1), high * (self.layout.stride + 1) + 1)
 
     @property
     def columns(self) -> Index:
         """(N, 9) columns of each keyframe in the package's order."""
         return self.layout.columns
-
-
-def _joined_buckets(first: Index, last: Index, n_places: int) -> Index:
-    """(N,) group number of landmarks first seen at each place: neighbours share one where that is cheaper.
-
-    A group's cost is one call plus the products over the places between its first and last.
-    """
-    count = np.bincount(first, minlength=n_places)
-    end = np.zeros(n_places, dtype=np.int64)
-    np.maximum.at(end, first, last)
-    number = np.zeros(n_places, dtype=np.int64)
-    current, begin, landmarks, reach, cost = -1, 0, 0, 0, np.inf
-    for place in range(n_places):
-        if count[place]:
-            alone = CALL_COST + 3.0 * count[place] * (6.0 * (end[place] - place + 1)) ** 2
-            wide = max(reach, int(end[place]))
-            joint = CALL_COST + 3.0 * (landmarks + count[place]) * (6.0 * (wide - begin + 1)) ** 2
-            if current >= 0 and joint <= cost + alone:
-                landmarks, reach, cost = landmarks + count[place], wide, joint
-            else:
-                current += 1
-                begin, landmarks, reach, cost = place, count[place], int(end[place]), alone
-        number[place] = current
-    return number

@@ -63,28 +63,13 @@ def residuals(
     R_WB: Array,
     v_W: Array,
     out: Array,
-) -> float:
-    """Whitened errors into ``out`` (F, 9), order (position, rotation, velocity); the sum of squares."""
+) -> None:
+    """Whitened errors into ``out`` (F, 9), order (position, rotation, velocity)."""
     shift, change, turn, error = np.empty(3), np.empty(3), np.empty(3), np.empty(9)
     scratch = np.empty((3, 3))
-    squares = 0.0
     for f in range(len(dt)):
-        _error(
-            first[f],
-            second[f],
-            dt[f],
-            dp[f],
-            dR[f],
-            dv[f],
-            gravity,
-            p_W,
-            R_WB,
-            v_W,
-            shift,
-            change,
-            turn,
-            scratch,
-        )
+        i, j = first[f], second[f]
+        _error(i, j, dt[f], dp[f], dR[f], dv[f], gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
         for a in range(3):
             error[a], error[3 + a], error[6 + a] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
         for a in range(9):
@@ -92,7 +77,29 @@ def residuals(
             for b in range(a + 1):
                 value += whitener[f, a, b] * error[b]
             out[f, a] = value
-            squares += value * value
+
+
+@kernel
+def cost(
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+) -> float:
+    """Sum of squares of :func:`residuals`."""
+    white = np.empty((len(dt), 9))
+    residuals(first, second, dt, dp, dR, dv, whitener, gravity, p_W, R_WB, v_W, white)
+    squares = 0.0
+    for f in range(len(dt)):
+        for a in range(9):
+            squares += white[f, a] * white[f, a]
     return squares
 
 
@@ -142,7 +149,7 @@ def accumulate(
     storage: Array,
     gradient: Array,
 ) -> None:
-    """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (N, 9).
+    """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (9N,).
 
     ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
     """
@@ -181,7 +188,7 @@ def accumulate(
                 value = 0.0
                 for a in range(9):
                     value += W_J[a, 9 * side + b] * white[a]
-                gradient[k, b] += value
+                gradient[column[k] + b] += value
         for c in range(18):
             for r in range(18):
                 if at[r] >= at[c]:

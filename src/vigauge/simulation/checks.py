@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from ..problem import Problem
-from ..residuals import evaluate
+from ..residuals import inertial_residual, visual_residual
 from .scenario import Scene
 
 _INERTIAL = ("p_x", "p_y", "p_z", "phi_x", "phi_y", "phi_z", "v_x", "v_y", "v_z")
@@ -34,9 +34,8 @@ def chi_square_at_truth(problems: Sequence[Problem], scene: Scene) -> list[dict[
 
     Landmarks and poses are the true ones, so every whitened component has unit variance.
     """
-    found = [evaluate(problem, scene.truth) for problem in problems]
-    visual = np.concatenate([evaluation.visual for evaluation in found])
-    inertial = np.concatenate([evaluation.inertial for evaluation in found])
+    visual = np.concatenate([visual_residual(problem, scene.truth) for problem in problems])
+    inertial = np.concatenate([inertial_residual(problem, scene.truth) for problem in problems])
     rows = [_row(f"image_{axis}", visual[:, i] ** 2) for i, axis in enumerate("uv")]
     return rows + [_row(f"imu_{name}", inertial[:, i] ** 2) for i, name in enumerate(_INERTIAL)]
 
