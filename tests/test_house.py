@@ -45,6 +45,7 @@ FLOORS = (
     "conditioning",
     "levenberg_marquardt",
     "held_inverse",
+    "banded_inverse",
     "gauge",
     "normal_equations",
     "residuals",

@@ -191,12 +191,12 @@ class GaugeProjection:
             symmetric.subtract_outer(G, self.A, self.W)
         return G if self.B is None else G + self.B @ self.B.T
 
-    def apply_block(self, G: Array, rows: Index) -> Array:
-        """A diagonal block in the gauge over some parameters, from that block of G."""
+    def apply_blocks(self, G: Array, rows: Index) -> Array:
+        """Diagonal blocks (m, c, c) in the gauge over m sets of parameters (m, c), from those blocks of G."""
         if self.A is not None and self.W is not None:
-            cross = self.A[rows] @ self.W[rows].T
-            G = G - cross - cross.T
-        return G if self.B is None else G + self.B[rows] @ self.B[rows].T
+            cross = self.A[rows] @ self.W[rows].swapaxes(-1, -2)
+            G = G - cross - cross.swapaxes(-1, -2)
+        return G if self.B is None else G + self.B[rows] @ self.B[rows].swapaxes(-1, -2)
 
 
 def _prior_normal(state: State, prior: GaugePrior) -> Array:

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg.lapack as lapack
 
+from .banded_inverse import banded_inverse, selected_inverse
 from .errors import DegenerateError, SolverError
 from .kernels import symmetric
 from .layout import Factorised, Index, by_keyframe, by_kind
@@ -72,19 +73,19 @@ class HeldInverse:
     @cached_property
     def _band(self) -> Array:
         """Entries of the inverse inside the band, LAPACK's lower band form, stored order."""
-        out = np.zeros_like(self.factorised.factor)
-        symmetric.selected_inverse(self.factorised.factor, out)
+        out = selected_inverse(self.factorised.factor)
         self._require_regular(out[0])
         return out
 
-    def block(self, first: Index, second: Index) -> Array:
-        """(len(first), len(second)) entries of G; in the band of S, where S has a band."""
+    def blocks(self, columns: Index) -> Array:
+        """(m, c, c) entries of G over m sets of columns (m, c); in the band of S, where S has a band."""
         layout = self.reduced.structure.layout
-        row, column = layout.stored[first][:, None], layout.stored[second][None, :]
+        at = layout.stored[columns]
+        row, column = at[..., :, None], at[..., None, :]
         low, high = np.minimum(row, column), np.maximum(row, column)
         entries = self._band[high - low, low] if layout.banded else self._lower[high, low]
-        held = np.isin(first, self.held)[:, None] | np.isin(second, self.held)[None, :]
-        return np.where(held, 0.0, entries)
+        held = np.isin(columns, self.held)
+        return np.where(held[..., :, None] | held[..., None, :], 0.0, entries)
 
     @cached_property
     def _lower(self) -> Array:
@@ -92,7 +93,11 @@ class HeldInverse:
 
     def _inverted(self) -> Array:
         """Lower triangle of the inverse, stored order, its held columns not yet zero."""
-        lower, _ = lapack.dpotri(self.factorised.full(), lower=1)
+        factor = self.factorised.factor
+        if self.reduced.structure.layout.banded:
+            lower = banded_inverse(factor)
+        else:
+            lower, _ = lapack.dpotri(factor, lower=1)
         self._require_regular(np.diagonal(lower))
         return lower
 

@@ -250,13 +250,3 @@ class Factorised:
         else:
             solution, _ = lapack.dpotrs(self.factor, right, lower=1)
         return solution
-
-    def full(self) -> Array:
-        """(9N, 9N) factor in LAPACK's full lower form."""
-        if not self.layout.banded:
-            return self.factor
-        n, width = self.layout.size, self.layout.half_bandwidth + 1
-        # Columns of the band one below the other, each shifted by one: a lower triangle read by strides.
-        out = np.zeros((n, n + width), order="C")
-        np.lib.stride_tricks.as_strided(out, (n, width), ((n + width + 1) * 8, 8))[:] = self.factor.T
-        return out[:, :n].T.copy(order="F")

@@ -20,6 +20,9 @@ from .problem import Problem
 from .so3 import Array
 from .state import State
 
+# Landmarks whose blocks are made together: a few megabytes.
+_AT_ONCE = 1000
+
 
 def keyframe_covariances(
     problem: Problem, state: State, gauge: Gauge, keyframes: Sequence[int] | Index | None = None
@@ -36,11 +39,8 @@ def keyframe_covariances(
     wanted = _checked("keyframes", keyframes, state.n_keyframes)
     reduced = linearise(problem, state).eliminate()
     projection = GaugeProjection.of(reduced, state, gauge, problem.initial)
-    out = np.empty((len(wanted), 9, 9))
-    for number, keyframe in enumerate(wanted):
-        columns = problem.structure.columns[keyframe]
-        out[number] = projection.apply_block(projection.inverse.block(columns, columns), columns)
-    return out
+    columns = problem.structure.columns[wanted]
+    return projection.apply_blocks(projection.inverse.blocks(columns), columns)
 
 
 def landmark_covariances(
@@ -58,25 +58,30 @@ def landmark_covariances(
     wanted = _checked("landmarks", landmarks, state.n_landmarks)
     reduced = linearise(problem, state).eliminate()
     projection = GaugeProjection.of(reduced, state, gauge, problem.initial, landmarks=True)
-    couplings = reduced.couplings.blocks()
+    s, n_motion = reduced.structure, 9 * state.n_keyframes
+    W = reduced.couplings.blocks()
+    first, end = s.landmark_pair[s.rank[wanted]], s.landmark_pair[s.rank[wanted] + 1]
     out = np.empty((len(wanted), 3, 3))
-    for number, landmark in enumerate(wanted):
-        rows = 9 * state.n_keyframes + 3 * int(landmark) + np.arange(3)
-        out[number] = projection.apply_block(_held_block(reduced, couplings, projection, int(landmark)), rows)
+    # Landmarks with equally many pairs together, not too many at a time.
+    for count in np.unique(end - first):
+        alike = np.flatnonzero(end - first == count)
+        for some in np.array_split(alike, 1 + len(alike) // _AT_ONCE):
+            pairs = first[some, None] + np.arange(count)
+            G = _held_blocks(reduced, projection, wanted[some], pairs, W[pairs].reshape(len(some), -1, 3))
+            out[some] = projection.apply_blocks(G, n_motion + 3 * wanted[some, None] + np.arange(3))
     return out
 
 
-def _held_block(
-    reduced: ReducedSystem, couplings: Array, projection: GaugeProjection, landmark: int
+def _held_blocks(
+    reduced: ReducedSystem, projection: GaugeProjection, landmarks: Index, pairs: Index, W: Array
 ) -> Array:
-    """(3, 3) block of G: C^-1 + C^-1 W^T G_m W C^-1, over the keyframes that see the landmark."""
+    """(m, 3, 3) blocks of G: C^-1 + C^-1 W^T G_m W C^-1, over the keyframes that see each landmark."""
     s = reduced.structure
-    pairs = s.pairs_of(landmark)
-    columns = s.columns[s.pair_keyframe[pairs], :6].ravel()
-    W = couplings[pairs].reshape(-1, 3)
-    F = reduced.factor[landmark]
-    inverse = F.T @ F
-    return inverse + inverse @ (W.T @ projection.inverse.block(columns, columns) @ W) @ inverse
+    columns = s.columns[s.pair_keyframe[pairs], :6].reshape(len(landmarks), -1)
+    F = reduced.factor[landmarks]
+    inverse = F.swapaxes(1, 2) @ F
+    motion = W.swapaxes(1, 2) @ projection.inverse.blocks(columns) @ W
+    return inverse + inverse @ motion @ inverse
 
 
 def _checked(name: str, wanted: Sequence[int] | Index | None, count: int) -> Index:

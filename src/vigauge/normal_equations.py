@@ -274,10 +274,10 @@ class ReducedSystem:
 
 
 def _weakest(landmark: Array) -> int:
-    """The landmark whose last pivot is the smallest against its diagonal entry."""
-    root = np.linalg.cholesky(landmark)
-    pivot = np.diagonal(root, axis1=1, axis2=2) ** 2 / np.diagonal(landmark, axis1=1, axis2=2)
-    return int(np.argmin(pivot.min(axis=1)))
+    """The landmark whose block is the nearest to singular, scaled to a unit diagonal."""
+    scale = 1.0 / np.sqrt(np.diagonal(landmark, axis1=1, axis2=2))
+    eigenvalues = np.linalg.eigvalsh(landmark * scale[:, :, None] * scale[:, None, :])
+    return int(np.argmin(eigenvalues[:, 0]))
 
 
 def linearise(

@@ -142,11 +142,6 @@ class Structure:
         out[self.order] = np.arange(self.n_landmarks)
         return out
 
-    def pairs_of(self, landmark: int) -> slice:
-        """The pairs of one landmark."""
-        place = self.rank[landmark]
-        return slice(int(self.landmark_pair[place]), int(self.landmark_pair[place + 1]))
-
     @cached_property
     def pieces(self) -> tuple[tuple[int, int], ...]:
         """Ranges of groups with about equally many observations each, whatever the number of cores."""

@@ -341,33 +341,43 @@ def couple(
     out: Array,
     gram: Array,
 ) -> None:
-    """Add W C^-1 V of landmark columns V (K, 3, 4) to ``out`` (N, 9, 4), V^T C^-1 V to ``gram`` (4, 4).
+    """W C^-1 V of landmark columns V (K, 3, 4), V^T C^-1 V: zeroed ``out`` (N, 9, 4) and ``gram`` (4, 4).
 
     Four columns, the degrees of freedom of the gauge: a fixed number fits a vector register.
     """
-    half, through, W = np.empty((3, 4)), np.empty((3, 4)), np.empty((6, 3))
+    half, through = np.empty((3, 4)), np.empty((3, 4))
     for place in range(len(order)):
         j = order[place]
-        f, v = factor[j], landmark[j]
+        X, Y, Z = X_W[j, 0], X_W[j, 1], X_W[j, 2]
+        f00, f10, f11 = factor[j, 0, 0], factor[j, 1, 0], factor[j, 1, 1]
+        f20, f21, f22 = factor[j, 2, 0], factor[j, 2, 1], factor[j, 2, 2]
         for c in range(4):
-            half[0, c] = f[0, 0] * v[0, c]
-            half[1, c] = f[1, 0] * v[0, c] + f[1, 1] * v[1, c]
-            half[2, c] = f[2, 0] * v[0, c] + f[2, 1] * v[1, c] + f[2, 2] * v[2, c]
-            through[0, c] = f[0, 0] * half[0, c] + f[1, 0] * half[1, c] + f[2, 0] * half[2, c]
-            through[1, c] = f[1, 1] * half[1, c] + f[2, 1] * half[2, c]
-            through[2, c] = f[2, 2] * half[2, c]
+            half[0, c] = f00 * landmark[j, 0, c]
+            half[1, c] = f10 * landmark[j, 0, c] + f11 * landmark[j, 1, c]
+            half[2, c] = f20 * landmark[j, 0, c] + f21 * landmark[j, 1, c] + f22 * landmark[j, 2, c]
+            through[0, c] = f00 * half[0, c] + f10 * half[1, c] + f20 * half[2, c]
+            through[1, c] = f11 * half[1, c] + f21 * half[2, c]
+            through[2, c] = f22 * half[2, c]
         for b in range(4):
             for c in range(4):
                 gram[b, c] += half[0, b] * half[0, c] + half[1, b] * half[1, c] + half[2, b] * half[2, c]
-        x0, x1, x2, x3 = through[0, 0], through[0, 1], through[0, 2], through[0, 3]
-        y0, y1, y2, y3 = through[1, 0], through[1, 1], through[1, 2], through[1, 3]
-        z0, z1, z2, z3 = through[2, 0], through[2, 1], through[2, 2], through[2, 3]
         for q in range(landmark_pair[place], landmark_pair[place + 1]):
             k = pair_keyframe[q]
-            _coupling(information[q], X_W[j], p_W[k], k == 0, chain, W)
-            for a in range(6):
-                w0, w1, w2 = W[a, 0], W[a, 1], W[a, 2]
-                out[k, a, 0] += w0 * x0 + w1 * y0 + w2 * z0
-                out[k, a, 1] += w0 * x1 + w1 * y1 + w2 * z1
-                out[k, a, 2] += w0 * x2 + w1 * y2 + w2 * z2
-                out[k, a, 3] += w0 * x3 + w1 * y3 + w2 * z3
+            x, y, z = X - p_W[k, 0], Y - p_W[k, 1], Z - p_W[k, 2]
+            m0, m1, m2 = information[q, 0], information[q, 1], information[q, 2]
+            m3, m4, m5 = information[q, 3], information[q, 4], information[q, 5]
+            for c in range(4):
+                u = -m0 * through[0, c] - m1 * through[1, c] - m2 * through[2, c]
+                v = -m1 * through[0, c] - m3 * through[1, c] - m4 * through[2, c]
+                w = -m2 * through[0, c] - m4 * through[1, c] - m5 * through[2, c]
+                out[k, 0, c] += u
+                out[k, 1, c] += v
+                out[k, 2, c] += w
+                out[k, 3, c] += y * w - z * v
+                out[k, 4, c] += z * u - x * w
+                out[k, 5, c] += x * v - y * u
+    # Keyframe 0 by its total increment, Eq. (9).
+    for c in range(4):
+        u, v, w = out[0, 3, c], out[0, 4, c], out[0, 5, c]
+        for a in range(3):
+            out[0, 3 + a, c] = chain[0, a] * u + chain[1, a] * v + chain[2, a] * w

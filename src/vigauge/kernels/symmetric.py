@@ -1,8 +1,6 @@
-"""Symmetric matrices: unpacked from LAPACK's triangle, updated in low rank, inverted on a band."""
+"""Symmetric matrices: unpacked from LAPACK's triangle, and updated in low rank."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from ..so3 import Array
 from .compiled import kernel
@@ -32,34 +30,3 @@ def subtract_outer(G: Array, A: Array, W: Array) -> None:
             value -= w0 * A[j, 0] + w1 * A[j, 1] + w2 * A[j, 2] + w3 * A[j, 3]
             G[i, j] = value
             G[j, i] = value
-
-
-@kernel
-def selected_inverse(factor: Array, out: Array) -> None:
-    """Entries of (L L^T)^-1 inside the band of L, both as LAPACK's lower band (b + 1, n).
-
-    Takahashi's recurrence from the last column back: a column of the inverse needs only the
-    later ones, inside the band.
-    """
-    width, n = factor.shape
-    column = np.empty(width)
-    for j in range(n - 1, -1, -1):
-        below = min(width - 1, n - 1 - j)
-        for i in range(below + 1):
-            column[i] = 0.0
-        for k in range(1, below + 1):
-            value = factor[k, j]
-            # Column j + k of the inverse, and by symmetry its row.
-            row = out[0, j + k] * value
-            for i in range(k + 1, below + 1):
-                entry = out[i - k, j + k]
-                column[i] -= entry * value
-                row += entry * factor[i, j]
-            column[k] -= row
-        pivot = 1.0 / factor[0, j]
-        diagonal = pivot
-        for i in range(1, below + 1):
-            column[i] *= pivot
-            diagonal -= column[i] * factor[i, j]
-            out[i, j] = column[i]
-        out[0, j] = diagonal * pivot
