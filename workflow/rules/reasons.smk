@@ -13,7 +13,7 @@ REASONS = [
     "first_step",
 ]
 ITERATION_TIME = "iteration_time"
-ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths"]
+ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths", "rigid_turns"]
 
 
 rule reasons:
