@@ -15,6 +15,8 @@ REASONS = [
 ITERATION_TIME = "iteration_time"
 ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths", "rigid_turns"]
 
+SCENE_REASONS = ["scene_counts", "free_spread"]
+
 
 rule reasons:
     input:
@@ -100,6 +102,32 @@ rule reasons_accuracy:
         " --covariances {params.covariances:q} --noise {params.noise:q} --published {params.published:q}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --settings {params.settings:q}"
         " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+
+
+rule reasons_scenes:
+    input:
+        published=[f"{PUBLISHED_FOLDER}/fig05_prior_weight_cost.csv"],
+        code=code_of("reasons_scenes"),
+    output:
+        tables=expand("data/reasons/{name}.csv", name=SCENE_REASONS),
+        stamp="data/reasons/scenes.stamp.json",
+    log:
+        "logs/reasons_scenes.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        configuration=config["prior"]["sweep_configuration"],
+        published=folder_of_published,
+        simulation=section("simulation"),
+        solver=section("solver"),
+        settings=section("scenes"),
+        output=folder_of_output,
+    message:
+        "What the landmarks do"
+    shell:
+        "python -m vigauge.cli.reasons_scenes --configuration {params.configuration}"
+        " --published {params.published:q} --simulation {params.simulation:q} --solver {params.solver:q}"
+        " --settings {params.settings:q} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 # Times, and so in a folder of its own: everything in data/reasons is the same bytes again.

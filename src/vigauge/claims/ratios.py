@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from ..names import AS_CONFIGURED, ERRORS
-from .comparison import FACTOR, Number, is_outside
+from .comparison import FACTOR, PANELS, Number, is_outside
 
 Row = dict[str, object]
 
@@ -89,20 +89,58 @@ class Experiments:
         return pd.DataFrame(rows).T.rename_axis(["experiment", "variant", "gauge"])
 
     @cached_property
-    def squared_counts(self) -> pd.DataFrame:
-        """Quartiles of iterations at the squares of Fig. 5's weights, by weight."""
-        table = self.table("squared").query("power == 2")
-        grouped = table.assign(label=table["label"].astype(float)).groupby("label")["iterations"]
-        return grouped.quantile([0.25, 0.5, 0.75]).unstack().set_axis(["q1", "median", "q3"], axis=1)
+    def iterations(self) -> pd.DataFrame:
+        """Ratio to Fig. 5's iterations by variant and weight; columns are the quartiles."""
+        plain = self.table("squared")
+        plain["variant"] = plain["power"].map({1: AS_CONFIGURED, 2: SQUARED})
+        scenes = self.table("scene_counts")
+        scenes["variant"] = f"{SQUARED}, " + scenes["scene"]
+        table = pd.concat([plain, scenes])
+        table["label"] = table["label"].astype(float)
+        parts = ["q1", "median", "q3"]
+        grouped = table.groupby(["variant", "label"], sort=False)["iterations"]
+        own = grouped.quantile([0.25, 0.5, 0.75]).unstack().set_axis(parts, axis=1)
+        paper = pd.read_csv(self.published / "fig05_prior_weight_cost.csv").query("quantity == 'iterations'")
+        paper = paper.set_index("weight")[parts]
+        return own / paper.reindex(own.index.get_level_values("label")).to_numpy()
+
+    @cached_property
+    def squared_paths(self) -> pd.DataFrame:
+        """Iterations of runs at the squares of Fig. 6's weights."""
+        return self.table("squared_paths")
 
     def squared_path(self, label: str, step: int, quantity: str) -> pd.Series:
         """A quantity of Fig. 6 after ``step`` iterations at the square of a weight, trial by trial.
 
         A run that has ended stays where it ended.
         """
-        table = self.table("squared_paths")
+        table = self.squared_paths
         until = table[(table["label"] == label) & (table["iteration"] <= step)]
         return until.sort_values("iteration").groupby("trial")[quantity].last()
+
+    @cached_property
+    def path_ratios(self) -> pd.DataFrame:
+        """Ratio to Fig. 6 by run, one row of medians first; columns are (weight, step, quantity)."""
+        paper = pd.read_csv(self.published / "fig06_prior_error_paths.csv", dtype={"weight": str})
+        columns = {}
+        for _, row in paper[paper["step"] > 0].iterrows():
+            place = (str(row["weight"]), int(row["step"]))
+            for quantity, published in (
+                (PANELS[row["panel"]], float(row["prior_error"])),
+                ("mean_reprojection_px", float(row["mean_reprojection_px"])),
+            ):
+                own = self.squared_path(*place, quantity)
+                own = pd.concat(
+                    [pd.Series({SQUARED: own.median()}), own.rename(f"{SQUARED}, start {{}}".format)]
+                )
+                columns[(*place, quantity)] = (
+                    own * 0.0 + 1.0 if _rounding(own, published) else own / published
+                )
+        return pd.DataFrame(columns)
+
+
+def _rounding(own: pd.Series, published: float) -> bool:
+    return max(published, float(own.max())) < 1e-12
 
 
 def outside_counts(ratios: pd.DataFrame, levels: list[str]) -> pd.Series:
@@ -126,22 +164,22 @@ def _on_one_trajectory(ratios: pd.Series, outside: pd.Series, case: str) -> tupl
     return ratios[names].set_axis(labels), counts.set_axis(labels)
 
 
-def _best(ratios: pd.Series, counts: pd.Series) -> str:
+def _best(ratios: pd.Series, counts: pd.Series, before: str = AS_CONFIGURED) -> str:
     """The variant under which a ratio is inside and the fewest others are outside.
 
-    It explains only if no more numbers are outside than as configured.
+    It explains only if no more numbers are outside than with the variant ``before``.
     """
     inside = [variant for variant in ratios.index if not is_outside(ratios[variant])]
     inside.sort(key=lambda variant: counts[variant])
     if not inside:
         return f"{NOT_EXPLAINED}: no change brings it inside"
     best = inside[0]
-    before, after = int(counts[AS_CONFIGURED]), int(counts[best])
-    if best == AS_CONFIGURED:
+    first, after = int(counts[before]), int(counts[best])
+    if best == before:
         return f"{NOT_EXPLAINED}: near the factor, inside it over the trials of the experiment"
-    if after > before:
-        return f"{NOT_EXPLAINED}: {best} would, but then {after} numbers are outside instead of {before}"
-    return f"{best}; outside are then {after} numbers instead of {before}"
+    if after > first:
+        return f"{NOT_EXPLAINED}: {best} would, but then {after} numbers are outside instead of {first}"
+    return f"{best}; outside are then {after} numbers instead of {first}"
 
 
 def explain(number: Number, e: Experiments, machine_factor: float) -> str:
@@ -161,9 +199,8 @@ def explain(number: Number, e: Experiments, machine_factor: float) -> str:
         if number.gauge in own.index.get_level_values("gauge") and quantity in own:
             return _best(own[quantity].xs(number.gauge, level="gauge"), outside_counts(own, ["variant"]))
     if number.artefact == "fig05":
-        part = number.quantity.rsplit(" ", 1)[1]
-        squared = float(e.squared_counts.loc[float(number.case), part])
-        return _if_inside(squared / number.published, f"{SQUARED} ({squared:g})")
+        ratios = e.iterations[number.quantity.rsplit(" ", 1)[1]].xs(float(number.case), level="label")
+        return _best(ratios, outside_counts(e.iterations, ["variant"]))
     if number.artefact == "fig06":
         return _explain_path(number, e)
     return f"{NOT_EXPLAINED}: no experiment on it"
@@ -174,17 +211,24 @@ def _if_inside(ratio: float, reason: str) -> str:
 
 
 def _explain_path(number: Number, e: Experiments) -> str:
-    """Fig. 6 shows one start: by the squared weight the median start is inside, or some are about it."""
+    """Fig. 6 shows one run: by the squared weight the median run is inside, or runs are on both sides of it.
+
+    Or one run is inside with no more of the whole figure outside than the median run.
+    """
     label, step = number.case.split(", step ")
     values = e.squared_path(label, int(step), number.quantity)
     reason = OTHER_TRIALS if label == "free" else SQUARED
-    if max(number.published, values.max()) < 1e-12:
+    if _rounding(values, number.published):
         return f"{SQUARED}; {ROUNDING}"
     if not is_outside(float(values.median()) / number.published if number.published else float("nan")):
         return reason
     if values.min() <= number.published <= values.max():
         return f"{reason}, {OTHER_TRIALS}"
-    return f"{NOT_EXPLAINED}: {reason} gives {values.min():.1e} to {values.max():.1e}"
+    counts = e.path_ratios.map(is_outside).sum(axis=1)
+    found = _best(e.path_ratios[(label, int(step), number.quantity)], counts, before=SQUARED)
+    if found.startswith(NOT_EXPLAINED):
+        return f"{found}; {reason} gives {values.min():.1e} to {values.max():.1e}"
+    return found
 
 
 def machine_factors(table: list[Number]) -> dict[str, float]:
@@ -298,9 +342,16 @@ def _sequence_sentence(e: Experiments) -> str:
 
 
 def _squared_sentence(e: Experiments) -> str:
-    counts = e.squared_counts["median"]
-    shown = ", ".join(f"{label:g}: {value:g}" for label, value in counts.items())
-    return f"{SQUARED}: median iterations at the squares of the weights of Fig. 5 are {shown}"
+    shown = "; ".join(
+        f"{variant} {count}" for variant, count in outside_counts(e.iterations, ["variant"]).items()
+    )
+    counts = e.path_ratios.map(is_outside).sum(axis=1)
+    runs = counts.drop(SQUARED)
+    return (
+        f"outside of {e.iterations.xs(SQUARED, level='variant').size} quartiles of iterations in Fig. 5: "
+        f"{shown}. Of {e.path_ratios.shape[1]} numbers of Fig. 6, {SQUARED}: median run {counts[SQUARED]}, "
+        f"single runs {runs.min()} to {runs.max()}"
+    )
 
 
 def _machine_sentence(table: list[Number]) -> str:

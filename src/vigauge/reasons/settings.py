@@ -50,3 +50,16 @@ class AccuracySettings:
     gyro_bias_radps: float
     parts: int
     seed: int
+
+
+@dataclass(frozen=True)
+class SceneSettings:
+    """Other scenes than the configured one (config section 'scenes').
+
+    ``n_landmarks`` of the prior's configuration under the squares of the weights of Fig. 5, over ``trials``;
+    ``draws`` of landmarks and noise of every configuration for the spread of the free gauge.
+    """
+
+    n_landmarks: tuple[int, ...]
+    trials: int
+    draws: int
