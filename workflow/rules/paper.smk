@@ -413,11 +413,13 @@ rule comparison:
             "data/reasons/{name}.csv",
             name=[*ACCURACY_REASONS, "squared", "squared_paths", "scene_counts"],
         ),
+        landmark_times=LANDMARK_TIME,
         published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
         stamps=[
             "data/reasons/stamp.json",
             "data/reasons/accuracy.stamp.json",
             "data/reasons/scenes.stamp.json",
+            "data/timing_reasons/stamp.json",
         ],
         code=code_of("comparison"),
     output:
@@ -441,7 +443,7 @@ rule comparison:
         "Published numbers and ours, with ratios"
     shell:
         "python -m vigauge.cli.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
-        " --reasons data/reasons --source {params.source} --published-names {params.names:q}"
+        " --reasons data/reasons --landmark-times {input.landmark_times:q} --source {params.source} --published-names {params.names:q}"
         " --drawn {params.drawn} --output {output.csv:q} --why {output.why:q}"
         " --stamps {input.stamps:q} --log {log:q}"
 

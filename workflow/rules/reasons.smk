@@ -13,6 +13,7 @@ REASONS = [
     "first_step",
 ]
 ITERATION_TIME = "iteration_time"
+LANDMARK_TIME = "data/timing_reasons/landmark_time.csv"
 ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths", "rigid_turns"]
 
 SCENE_REASONS = ["scene_counts", "free_spread"]
@@ -136,6 +137,7 @@ rule reasons_time:
         code=code_of("reasons_time"),
     output:
         table=f"data/timing_reasons/{ITERATION_TIME}.csv",
+        landmarks=LANDMARK_TIME,
         stamp="data/timing_reasons/stamp.json",
     log:
         "logs/reasons_time.log",
@@ -149,8 +151,9 @@ rule reasons_time:
         weight=config["prior"]["weight"],
         settings=section("iteration_time"),
     message:
-        "What fixation saves of an iteration"
+        "What fixation saves of an iteration, and what landmarks add"
     shell:
         "python -m vigauge.cli.reasons_time --configuration {params.configuration}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
-        " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"
+        " --settings {params.settings:q} --output {output.table:q} --landmark-output {output.landmarks:q}"
+        " --stamp {output.stamp:q} --log {log:q}"
