@@ -303,3 +303,15 @@ def test_a_withheld_covariance_explains_nothing(tmp_path: Path) -> None:
     gone = {"exchange": lambda table: table[table["experiment"] != "sine_plane"]}
     with pytest.raises(NoEvidenceError, match="the covariance of sine_plane is withheld"):
         reasons.exchange_simulation(evidence(Results(tmp_path, reasons=gone)))
+
+
+def test_free_spread_is_explained_by_draws_that_would_hold_only(tmp_path: Path) -> None:
+    """Catches the draw of landmarks passing for a reason where others are as bad, or where there is none."""
+    wide = {"covariance": {"sine_plane": {"free": lopsided()}}}
+    assert "below 4.6 in 3" in reasons.free_spread(evidence(Results(tmp_path / "a", **wide)))
+    bad = {"free_spread": value("ratio", 9.0, experiment="sine_plane")}
+    said = reasons.free_spread(evidence(Results(tmp_path / "b", reasons=bad, **wide)))
+    assert said.startswith("not explained") and "below 4.6 in 0" in said
+    on_sequence = {"covariance": {"MH_01_easy": {"free": lopsided()}}}
+    said = reasons.free_spread(evidence(Results(tmp_path / "c", **on_sequence)))
+    assert said == "not explained: MH_01_easy is not simulated, and has no other draw"

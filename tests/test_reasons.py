@@ -13,6 +13,7 @@ from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge, three_gauges
 from vigauge.levenberg_marquardt import Options, solve
 from vigauge.reasons.exchange import exchange, exchange_published, exchanged
 from vigauge.reasons.first_step import damping_weight, from_published, from_traces
+from vigauge.reasons.free_spread import free_spread, position_variances
 from vigauge.reasons.invariance import cost_on_orbit
 from vigauge.reasons.iteration_time import TimeSettings, dense_times, iteration_times
 from vigauge.reasons.solves import damping_of_orbit, plateau, solve_all
@@ -115,7 +116,7 @@ def test_published_pair_is_put_back() -> None:
 def test_iterations_are_timed_at_equal_number() -> None:
     """Catches runs that end by their tolerance: gauges would be timed over different mixes of iterations."""
     ticks = iter(range(10_000))
-    settings = TimeSettings(n_keyframes=(10,), iterations=7, repeats=2)
+    settings = TimeSettings(n_keyframes=(10,), n_landmarks=(), iterations=7, repeats=2)
     rows = iteration_times(
         trial(), {"fix": FixedGauge(), "free": FreeGauge()}, Options(), settings, lambda: float(next(ticks))
     )
@@ -129,3 +130,17 @@ def test_dense_solves_of_both_sizes_are_timed() -> None:
     assert [(row["what"], row["repeat"], row["seconds"]) for row in rows] == [
         (what, repeat, 1.0) for repeat in (0, 1) for what in ("dense 9N", "dense 9N - 4")
     ]
+
+
+def test_position_variances_are_those_of_the_first_blocks() -> None:
+    """Catches rotations or velocities taken for positions."""
+    covariance = np.diag(np.r_[np.full(3, 1.0), np.full(3, 2.0), np.full(12, 50.0)])
+    assert list(position_variances(covariance, 2)) == [3.0, 6.0]
+
+
+def test_spread_of_the_free_gauge_goes_with_the_distance_to_the_points() -> None:
+    """Catches another gauge, under which the first keyframe has no variance at all, or another centre."""
+    row = free_spread("sine_random", 0, trial(), Options())
+    assert row["converged"] is True
+    assert 1.0 < float(str(row["ratio"])) < 20.0
+    assert float(str(row["correlation"])) > 0.9

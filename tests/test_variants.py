@@ -16,7 +16,15 @@ from vigauge.imu import ImuNoise, ImuSamples, preintegrate
 from vigauge.levenberg_marquardt import Options
 from vigauge.problem import InertialFactors, Problem
 from vigauge.reasons.accuracy import align_first_pose_fully, error_rows, expected_errors, path_length
-from vigauge.reasons.variants import euler_increments, fewer_landmarks, one_camera, with_bias_error
+from vigauge.reasons.rigid_turn import rigid_turns
+from vigauge.reasons.variants import (
+    euler_increments,
+    fewer_landmarks,
+    keyframes_between,
+    one_camera,
+    with_bias_error,
+)
+from vigauge.residuals import cost
 from vigauge.simulation.scenario import make_scene, make_trial, measured_imu
 
 NOISE = ImuNoise(1e-3, 1e-2)
@@ -70,6 +78,47 @@ def test_fewer_landmarks_are_as_many_as_asked_for() -> None:
         assert np.array_equal(
             few.obs_uv[few.obs_landmark == number], problem.obs_uv[problem.obs_landmark == place]
         )
+
+
+def test_part_of_the_keyframes_is_a_problem_of_its_own() -> None:
+    """Catches indices, increments or true states of other keyframes than those that are kept."""
+    whole = trial()
+    part, truth = keyframes_between(whole, scene().truth, 3, 8)
+    assert part.initial.n_keyframes == truth.n_keyframes == 5
+    assert np.array_equal(part.initial.p_W, whole.initial.p_W[3:8])
+    assert np.array_equal(truth.R_WB, scene().truth.R_WB[3:8])
+    assert np.array_equal(part.inertial.dv, whole.inertial.dv[3:7])
+    assert (part.obs_keyframe.min(), part.obs_keyframe.max()) == (0, 4)
+    # At the truth only noise is left: one unit a residual.
+    at_truth = replace(truth, X_W=scene().truth.X_W[_places(whole.initial.X_W, part.initial.X_W)])
+    count = 2 * len(part.obs_uv) + 9 * 4
+    assert 0.6 < 2.0 * cost(part, at_truth) / count < 1.6
+
+
+def _places(among: np.ndarray, wanted: np.ndarray) -> list[int]:
+    return [int(np.flatnonzero(np.all(among == row, axis=1))[0]) for row in wanted]
+
+
+def test_all_keyframes_are_the_problem_itself() -> None:
+    whole = trial()
+    same, _ = keyframes_between(whole, scene().truth, 0, whole.initial.n_keyframes)
+    assert cost(same, same.initial) == pytest.approx(cost(whole, whole.initial))
+
+
+def test_rigid_turns_are_what_a_turned_truth_is_off_by() -> None:
+    """Catches the wrong axis, radians for degrees, or a level axis that is not the best one."""
+    truth = scene("arc").truth
+    rows = {str(row["axis"]): row for row in rigid_turns("arc", truth)}
+
+    def velocity_error(axis: np.ndarray) -> float:
+        turned = truth.v_W @ so3.exp(np.radians(1.0) * axis).T - truth.v_W
+        return float(np.sqrt(np.mean(np.sum(turned**2, axis=1))))
+
+    up = np.array([0.0, 0.0, 1.0])
+    assert rows["vertical"]["v_rmse_mps"] == pytest.approx(velocity_error(up), rel=1e-3)
+    angles = np.radians(np.arange(180))
+    level = [velocity_error(np.array([np.cos(a), np.sin(a), 0.0])) for a in angles]
+    assert rows["level"]["v_rmse_mps"] == pytest.approx(min(level), rel=1e-3)
 
 
 def test_bias_error_is_what_a_bias_left_in_does() -> None:

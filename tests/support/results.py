@@ -208,6 +208,13 @@ def reasons() -> dict[str, pd.DataFrame]:
                 for repeat in range(4)
             ]
         ),
+        "free_spread": pd.DataFrame(
+            [
+                {"experiment": name, "draw": draw, "converged": True, "ratio": 3.0, "correlation": 0.9}
+                for name in CONFIGURATIONS
+                for draw in range(3)
+            ]
+        ),
         "first_step": pd.DataFrame(
             [{"experiment": name, "weight": 1e5, "damping_weight": 1e4} for name in names] + published
         ),

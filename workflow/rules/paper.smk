@@ -20,7 +20,7 @@ EVIDENCE = {
     **{f"table{number}": f"{OUT}/table{number}.csv" for number in (1, 2, 3)},
     **{key: f"{OUT}/{name}.png" for key, name in FIGURES.items()},
     "claims_statistics": f"{OUT}/claims_statistics.csv",
-    **{name: f"data/reasons/{name}.csv" for name in REASONS},
+    **{name: f"data/reasons/{name}.csv" for name in [*REASONS, "free_spread"]},
     ITERATION_TIME: f"data/timing_reasons/{ITERATION_TIME}.csv",
 }
 
@@ -329,7 +329,7 @@ rule claims:
     input:
         expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
         expand("data/covariance/{name}.npz", name=EXPERIMENTS),
-        expand("data/reasons/{name}.csv", name=REASONS),
+        expand("data/reasons/{name}.csv", name=[*REASONS, "free_spread"]),
         f"data/timing_reasons/{ITERATION_TIME}.csv",
         sweep="data/prior_sweep/sweep.csv",
         sweep_timing="data/prior_sweep/timing.csv",
@@ -340,6 +340,7 @@ rule claims:
             *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
             "data/prior_sweep/stamp.json",
             "data/reasons/stamp.json",
+            "data/reasons/scenes.stamp.json",
             "data/timing_reasons/stamp.json",
         ],
         code=code_of("claims"),
@@ -359,7 +360,7 @@ rule claims:
         timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
         covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
         reasons=[
-            *expand("{name}=data/reasons/{name}.csv", name=REASONS),
+            *expand("{name}=data/reasons/{name}.csv", name=[*REASONS, "free_spread"]),
             f"{ITERATION_TIME}=data/timing_reasons/{ITERATION_TIME}.csv",
         ],
         sweep_configuration=config["prior"]["sweep_configuration"],
@@ -408,9 +409,18 @@ rule comparison:
         f"{OUT}/table2.csv",
         f"{OUT}/table3.csv",
         expand("{folder}/{name}.csv", folder=OUT, name=[FIGURES[key] for key in COMPARED_FIGURES]),
-        expand("data/reasons/{name}.csv", name=[*ACCURACY_REASONS, "squared", "squared_paths"]),
+        expand(
+            "data/reasons/{name}.csv",
+            name=[*ACCURACY_REASONS, "squared", "squared_paths", "scene_counts"],
+        ),
+        landmark_times=LANDMARK_TIME,
         published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
-        stamps=["data/reasons/stamp.json", "data/reasons/accuracy.stamp.json"],
+        stamps=[
+            "data/reasons/stamp.json",
+            "data/reasons/accuracy.stamp.json",
+            "data/reasons/scenes.stamp.json",
+            "data/timing_reasons/stamp.json",
+        ],
         code=code_of("comparison"),
     output:
         csv=report(f"{OUT}/comparison.csv", caption="../report/comparison.rst", category="Claims"),
@@ -433,7 +443,7 @@ rule comparison:
         "Published numbers and ours, with ratios"
     shell:
         "python -m vigauge.cli.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
-        " --reasons data/reasons --source {params.source} --published-names {params.names:q}"
+        " --reasons data/reasons --landmark-times {input.landmark_times:q} --source {params.source} --published-names {params.names:q}"
         " --drawn {params.drawn} --output {output.csv:q} --why {output.why:q}"
         " --stamps {input.stamps:q} --log {log:q}"
 

@@ -13,7 +13,10 @@ REASONS = [
     "first_step",
 ]
 ITERATION_TIME = "iteration_time"
-ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths"]
+LANDMARK_TIME = "data/timing_reasons/landmark_time.csv"
+ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths", "rigid_turns"]
+
+SCENE_REASONS = ["scene_counts", "free_spread"]
 
 
 rule reasons:
@@ -102,12 +105,39 @@ rule reasons_accuracy:
         " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
+rule reasons_scenes:
+    input:
+        published=[f"{PUBLISHED_FOLDER}/fig05_prior_weight_cost.csv"],
+        code=code_of("reasons_scenes"),
+    output:
+        tables=expand("data/reasons/{name}.csv", name=SCENE_REASONS),
+        stamp="data/reasons/scenes.stamp.json",
+    log:
+        "logs/reasons_scenes.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        configuration=config["prior"]["sweep_configuration"],
+        published=folder_of_published,
+        simulation=section("simulation"),
+        solver=section("solver"),
+        settings=section("scenes"),
+        output=folder_of_output,
+    message:
+        "What the landmarks do"
+    shell:
+        "python -m vigauge.cli.reasons_scenes --configuration {params.configuration}"
+        " --published {params.published:q} --simulation {params.simulation:q} --solver {params.solver:q}"
+        " --settings {params.settings:q} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
+
+
 # Times, and so in a folder of its own: everything in data/reasons is the same bytes again.
 rule reasons_time:
     input:
         code=code_of("reasons_time"),
     output:
         table=f"data/timing_reasons/{ITERATION_TIME}.csv",
+        landmarks=LANDMARK_TIME,
         stamp="data/timing_reasons/stamp.json",
     log:
         "logs/reasons_time.log",
@@ -121,8 +151,9 @@ rule reasons_time:
         weight=config["prior"]["weight"],
         settings=section("iteration_time"),
     message:
-        "What fixation saves of an iteration"
+        "What fixation saves of an iteration, and what landmarks add"
     shell:
         "python -m vigauge.cli.reasons_time --configuration {params.configuration}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
-        " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"
+        " --settings {params.settings:q} --output {output.table:q} --landmark-output {output.landmarks:q}"
+        " --stamp {output.stamp:q} --log {log:q}"

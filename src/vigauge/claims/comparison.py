@@ -17,7 +17,8 @@ Row = dict[str, object]
 FACTOR = 2.0
 
 _BOX = ("q1", "median", "q3")
-_PANELS = {"yaw_rad": "prior_yaw_rad", "position_m": "prior_position_m"}
+# Our columns of the two panels of Fig. 6.
+PANELS = {"yaw_rad": "prior_yaw_rad", "position_m": "prior_position_m"}
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def _prior_paths(ours: Path, theirs: Path) -> Iterator[Number]:
         place = (row["weight"], min(int(row["step"]), last))
         gauge = "free" if row["weight"] == "free" else "prior"
         case = f"{row['weight']}, step {row['step']}"
-        column = _PANELS[row["panel"]]
+        column = PANELS[row["panel"]]
         if int(row["step"]) > 0:
             yield Number(
                 "fig06", case, gauge, column, float(row["prior_error"]), float(own.loc[place, column])

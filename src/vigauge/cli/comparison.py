@@ -56,7 +56,9 @@ def _page(rows: list[Row], why: list[Row], scores: tuple[float, float], source: 
 def work(options: argparse.Namespace) -> None:
     sequences = dict(options.published_names)
     table = numbers(options.artefacts, options.published, sequences)
-    experiments = Experiments(options.reasons, options.published, sequences, options.drawn)
+    experiments = Experiments(
+        options.reasons, options.landmark_times, options.published, sequences, options.drawn
+    )
     rows, why = comparison_rows(table, experiments), reasons(table, experiments)
     scores = score(table)
     write_rows(options.output, rows)
@@ -75,6 +77,9 @@ def main() -> None:
     arguments.add_argument("--artefacts", type=Path, required=True, help="folder of tables and figures")
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
     arguments.add_argument("--reasons", type=Path, required=True, help="folder of explaining experiments")
+    arguments.add_argument(
+        "--landmark-times", type=Path, required=True, help="times of iterations by number of landmarks"
+    )
     arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
     add_published_names(arguments)
     arguments.add_argument("--drawn", required=True, help="sequence that stands for that of Fig. 1")

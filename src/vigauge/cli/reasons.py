@@ -86,8 +86,10 @@ TABLES = (
 )
 
 
-def squared_weights(published: Path, problems: list[Problem], solver: Options) -> list[Row]:
-    """Iterations at the weights of the paper's Fig. 5 and at their squares, beside the published medians.
+def squared_weights(
+    published: Path, problems: list[Problem], solver: Options, powers: tuple[int, ...] = (1, 2)
+) -> list[Row]:
+    """Iterations at powers of the weights of the paper's Fig. 5, beside the published medians.
 
     In Fig. 6 the prior error after one step falls as 1 / w^2: the weights shown there multiply
     the residual of Eq. (11), so that w^P is their square.
@@ -96,7 +98,7 @@ def squared_weights(published: Path, problems: list[Problem], solver: Options) -
     medians = dict(zip(figure5["weight"], figure5["median"], strict=True))
     rows: list[Row] = []
     for weight, median in medians.items():
-        for power in (1, 2):
+        for power in powers:
             weight_used = f"{float(weight) ** power:g}"
             rows += [
                 {"label": f"{weight:g}", "power": power, "published_median": median, **row}

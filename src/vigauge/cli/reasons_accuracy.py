@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +24,21 @@ from vigauge.names import AS_CONFIGURED
 from vigauge.problem import Problem
 from vigauge.reasons.accuracy import ALIGNMENTS, error_rows, expected_errors, path_length
 from vigauge.reasons.exchange import published_magnitude
+from vigauge.reasons.rigid_turn import rigid_turns
 from vigauge.reasons.settings import AccuracySettings
-from vigauge.reasons.variants import euler_increments, fewer_landmarks, one_camera, with_bias_error
+from vigauge.reasons.variants import (
+    ACCEL_ERRORS,
+    euler_increments,
+    fewer_landmarks,
+    keyframes_between,
+    one_camera,
+    with_bias_error,
+)
 from vigauge.simulation.landmarks import LAYOUTS
 from vigauge.simulation.scenario import Scene, make_scene, make_trial, measured_imu, perturbed
 from vigauge.simulation.settings import SimulationSettings
 from vigauge.simulation.trajectories import TRAJECTORIES
+from vigauge.so3 import Array
 from vigauge.state import State
 
 Row = dict[str, object]
@@ -36,20 +46,18 @@ Row = dict[str, object]
 
 def simulated(settings: SimulationSettings, solver: Options, accuracy: AccuracySettings) -> list[Row]:
     """RMSE of all six configurations under every change, one at a time."""
-    variants: dict[str, tuple[SimulationSettings, Options]] = {AS_CONFIGURED: (settings, solver)}
-    for change in accuracy.simulation:
-        values, options = settings, solver
-        for part in change.split(", "):
-            parameter, _, value = part.partition("=")
-            values, options = changed(values, options, parameter, float(value))
-        variants[change] = values, options
+    unchanged: tuple[SimulationSettings, Options, Array] = (settings, solver, np.zeros(3))
+    variants = {AS_CONFIGURED: unchanged}
+    variants |= {change: _parsed(change, settings, solver) for change in accuracy.simulation}
     rows: list[Row] = []
     for points in LAYOUTS:
         for trajectory in TRAJECTORIES:
             name = f"{trajectory}_{points}"
-            for variant, (values, options) in variants.items():
+            for variant, (values, options, accel) in variants.items():
                 scene = make_scene(trajectory, points, values)
                 problems = [make_trial(scene, trial) for trial in range(accuracy.trials)]
+                if accel.any():
+                    problems = [with_bias_error(problem, np.zeros(3), accel) for problem in problems]
                 alignments = ALIGNMENTS if variant == AS_CONFIGURED else ("first pose",)
                 rows += _errors(variant, name, problems, scene, options, alignments)
                 if variant == AS_CONFIGURED:
@@ -64,6 +72,20 @@ def simulated(settings: SimulationSettings, solver: Options, accuracy: AccuracyS
                 rows += _errors(f"Euler steps at {rate:g} Hz", name, stepped, scene, solver)
             LOG.info("%s: %d trials a variant", name, accuracy.trials)
     return rows
+
+
+def _parsed(
+    change: str, settings: SimulationSettings, solver: Options
+) -> tuple[SimulationSettings, Options, Array]:
+    """Settings, options and constant accelerometer error (body, m/s^2) of a change given as text."""
+    accel = np.zeros(3)
+    for part in change.split(", "):
+        parameter, _, value = part.partition("=")
+        if parameter in ACCEL_ERRORS:
+            accel[ACCEL_ERRORS[parameter]] = float(value)
+        else:
+            settings, solver = changed(settings, solver, parameter, float(value))
+    return settings, solver, accel
 
 
 def _errors(
@@ -117,7 +139,23 @@ def on_sequence(
     rows = []
     for variant, changed_problem in variants.items():
         rows += error_rows(variant, name, [changed_problem], truth, gauges, solver)
+    count = truth.n_keyframes
+    edges = np.linspace(0, count, accuracy.parts + 1).round().astype(int).tolist()
+    for start, stop in pairwise(edges):
+        part, true_part = keyframes_between(problem, truth, start, stop)
+        variant = f"keyframes {start + 1} to {stop} of {count}"
+        rows += error_rows(variant, name, [part], true_part, gauges, solver)
     return rows
+
+
+def turns(settings: SimulationSettings) -> list[Row]:
+    """What a turn of everything does to the errors, for the truth of every configuration."""
+    return [
+        row
+        for points in LAYOUTS
+        for trajectory in TRAJECTORIES
+        for row in rigid_turns(f"{trajectory}_{points}", make_scene(trajectory, points, settings).truth)
+    ]
 
 
 def expectations(covariances: list[tuple[str, Path]], published: Path) -> list[Row]:
@@ -146,7 +184,7 @@ def paths(truths: list[tuple[str, Path]], published: Path) -> list[Row]:
 
 
 # Tables of this stage; other experiments write beside them.
-TABLES = ("accuracy", "sequence_accuracy", "expected", "paths")
+TABLES = ("accuracy", "sequence_accuracy", "expected", "paths", "rigid_turns")
 
 
 def work(options: argparse.Namespace) -> None:
@@ -166,6 +204,7 @@ def work(options: argparse.Namespace) -> None:
         "sequence_accuracy": sequences,
         "expected": expectations(options.covariances, options.published),
         "paths": paths(options.truths, options.published),
+        "rigid_turns": turns(simulation),
     }
     write_tables(options.output, TABLES, tables)
 

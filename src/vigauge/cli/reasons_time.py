@@ -1,4 +1,4 @@
-"""Time iterations of equal number in the three gauges, and the dense solve that fixation makes smaller."""
+"""Time iterations of equal number: gauges, the dense solve that fixation makes smaller, other landmarks."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ import numpy as np
 from vigauge.cli.artefacts import add_prior_weight, add_section, add_solver
 from vigauge.cli.stage import Stamped, parser, run, settings_from
 from vigauge.files import write_rows
-from vigauge.gauge import three_gauges
+from vigauge.gauge import FixedGauge, three_gauges
 from vigauge.levenberg_marquardt import Options
+from vigauge.names import AS_CONFIGURED
 from vigauge.reasons.iteration_time import TimeSettings, dense_times, iteration_times
 from vigauge.simulation.scenario import make_scene, make_trial
 from vigauge.simulation.settings import SimulationSettings
+
+Row = dict[str, object]
 
 
 def work(options: argparse.Namespace) -> None:
@@ -26,13 +29,21 @@ def work(options: argparse.Namespace) -> None:
     gauges = three_gauges(options.prior_weight)
     rng = np.random.default_rng(simulation.seed)
     trajectory, points = options.configuration.split("_")
-    rows = []
+    rows: list[Row] = []
     for count in times.n_keyframes:
         scene = make_scene(trajectory, points, replace(simulation, n_keyframes=count))
         problem = make_trial(scene, 0)
         rows += iteration_times(problem, gauges, solver, times, time.perf_counter)
         rows += dense_times(count, times.repeats, rng, time.perf_counter)
     write_rows(options.output, rows)
+    sizes = {AS_CONFIGURED: simulation}
+    sizes |= {f"n_landmarks={n}": replace(simulation, n_landmarks=n) for n in times.n_landmarks}
+    rows = []
+    for variant, changed in sizes.items():
+        problem = make_trial(make_scene(trajectory, points, changed), 0)
+        timed = iteration_times(problem, {"fix": FixedGauge()}, solver, times, time.perf_counter)
+        rows += [{"variant": variant, **row} for row in timed]
+    write_rows(options.landmark_output, rows)
 
 
 def main() -> None:
@@ -43,6 +54,9 @@ def main() -> None:
     add_prior_weight(arguments)
     add_section(arguments, "--settings", "iteration_time")
     arguments.add_argument("--output", type=Path, required=True, help="a row a run")
+    arguments.add_argument(
+        "--landmark-output", type=Path, required=True, help="the same for other numbers of landmarks"
+    )
     run(
         work,
         arguments,
@@ -53,7 +67,7 @@ def main() -> None:
                 "prior_weight": "prior.weight",
                 "settings": "iteration_time",
             },
-            timings=("output",),
+            timings=("output", "landmark_output"),
         ),
     )
 

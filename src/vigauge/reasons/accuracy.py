@@ -41,8 +41,9 @@ def error_rows(
     options: Options,
     alignments: Iterable[str] = ("first pose",),
 ) -> list[Row]:
-    """A row a trial, gauge and alignment: RMSE in m, deg, m/s; iterations; size of the problem."""
+    """A row a trial, gauge and alignment: RMSE in m, deg, m/s; iterations; landmarks; level path."""
     rows: list[Row] = []
+    path_m = path_length(truth.p_W[:, :2])
     for trial, problem in enumerate(problems):
         for label, gauge in gauges.items():
             solution = solve(problem, gauge, options)
@@ -57,6 +58,7 @@ def error_rows(
                         "gauge": label,
                         "converged": solution.converged,
                         "landmarks": problem.initial.n_landmarks,
+                        "path_m": path_m,
                         "iterations": solution.iterations,
                         "p_rmse_m": errors.p_rmse_m,
                         "phi_rmse_deg": errors.phi_rmse_deg,

@@ -25,9 +25,10 @@ HELD = 4
 
 @dataclass(frozen=True)
 class TimeSettings:
-    """Config section 'iteration_time': numbers of keyframes, iterations of a run, runs of each gauge."""
+    """Config section 'iteration_time': numbers of keyframes, of landmarks; iterations and repeats of runs."""
 
     n_keyframes: tuple[int, ...]
+    n_landmarks: tuple[int, ...]
     iterations: int
     repeats: int
 

@@ -30,13 +30,15 @@ class Settings:
 
 @dataclass(frozen=True)
 class AccuracySettings:
-    """Changes tried on what the errors depend on (config section 'reasons', key 'accuracy').
+    """Changes tried on what the errors depend on (config section 'accuracy').
 
     ``trials`` of each simulated configuration; ``simulation`` changes as text, KEY=VALUE of the sections
-    simulation or solver, several joined by a comma; ``believed_density_factors`` inertial noise that
-    the solver believes, times the real one; ``euler_rates_hz`` inertial rates integrated by Euler steps;
+    simulation or solver or of ``ACCEL_ERRORS``, several joined by a comma;
+    ``believed_density_factors`` inertial noise that the solver believes, times the real one;
+    ``euler_rates_hz`` inertial rates integrated by Euler steps;
     ``landmarks`` counts kept on a sequence, seen by one camera; ``accel_bias_mps2`` and ``gyro_bias_radps``
-    errors left in a bias on a sequence, along y and z of the body; ``seed`` of the choice.
+    errors left in a bias on a sequence, along y and z of the body; ``parts`` into which the keyframes of a
+    sequence are cut, each a window of its own; ``seed`` of the choice of landmarks.
     """
 
     trials: int
@@ -46,4 +48,18 @@ class AccuracySettings:
     landmarks: tuple[int, ...]
     accel_bias_mps2: float
     gyro_bias_radps: float
+    parts: int
     seed: int
+
+
+@dataclass(frozen=True)
+class SceneSettings:
+    """Other scenes than the configured one (config section 'scenes').
+
+    ``n_landmarks`` of the prior's configuration under the squares of the weights of Fig. 5, over ``trials``;
+    ``draws`` of landmarks and noise of every configuration for the spread of the free gauge.
+    """
+
+    n_landmarks: tuple[int, ...]
+    trials: int
+    draws: int

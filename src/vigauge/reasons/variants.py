@@ -17,6 +17,9 @@ from ..problem import InertialFactors, Problem
 from ..so3 import Array
 from ..state import State
 
+# Constant errors of the accelerometer along an axis of the body, m/s^2, and the axis.
+ACCEL_ERRORS = {f"accel_error_{axis}_mps2": row for row, axis in enumerate("xyz")}
+
 
 def _kept(problem: Problem, observation: NDArray[np.bool_], minimum_views: int) -> Problem:
     """The observations that ``observation`` marks, of landmarks that so keep enough keyframes."""
@@ -61,6 +64,36 @@ def fewer_landmarks(
     chosen = np.zeros(total, dtype=bool)
     chosen[rng.choice(total, size=min(count, total), replace=False)] = True
     return _kept(problem, chosen[problem.obs_landmark], minimum_views)
+
+
+def keyframes_between(
+    problem: Problem, truth: State, start: int, stop: int, minimum_views: int = 2
+) -> tuple[Problem, State]:
+    """The problem and its true states from keyframe ``start`` up to, not including, ``stop``."""
+    inside = (problem.obs_keyframe >= start) & (problem.obs_keyframe < stop)
+    left = _kept(problem, inside, minimum_views)
+    factors = problem.inertial
+    kept = (factors.first >= start) & (factors.second < stop)
+    chain = InertialFactors(
+        first=factors.first[kept] - start,
+        second=factors.second[kept] - start,
+        dt=factors.dt[kept],
+        dp=factors.dp[kept],
+        dR=factors.dR[kept],
+        dv=factors.dv[kept],
+        covariance=factors.covariance[kept],
+    )
+    part = replace(
+        left,
+        initial=_states_between(left.initial, start, stop),
+        obs_keyframe=left.obs_keyframe - start,
+        inertial=chain,
+    )
+    return part, _states_between(truth, start, stop)
+
+
+def _states_between(state: State, start: int, stop: int) -> State:
+    return State.start(state.p_W[start:stop], state.R_WB[start:stop], state.v_W[start:stop], state.X_W)
 
 
 def with_bias_error(problem: Problem, gyro: Array, accel: Array) -> Problem:
