@@ -76,11 +76,12 @@ def start_seconds(path: Path) -> float:
     return statistics.median(seconds[1:])
 
 
-def profile_rows(name: str, path: Path) -> list[Row]:
-    """Rows of profile.csv, from a process of its own."""
+def profiled(path: Path) -> tuple[list[Row], dict[str, float]]:
+    """Time of each function in a solve, and seconds of each stage, from a process of its own."""
     command = [sys.executable, "-m", "benchmarks.profile_solve", str(path)]
     done = subprocess.run(command, check=True, capture_output=True, text=True, env=pinned(1), cwd=ROOT)
-    return [{"problem": name} | row for row in json.loads(done.stdout.splitlines()[-1])]
+    found = json.loads(done.stdout.splitlines()[-1])
+    return found["functions"], found["stages"]
 
 
 class Suite:
@@ -109,7 +110,8 @@ class Suite:
         files = cached_problem(size, self.options.data)
         problem = load_problems(files[0])[0]
         stages = iteration_stages(problem)
-        self.roofline += roofline_rows(size.name, problem, stages, self.peak)
+        functions, seconds = profiled(files[0])
+        self.roofline += roofline_rows(size.name, problem, stages, self.peak, seconds)
         self.floors[size.name] = sum(stage.floor_s(self.peak) for stage in stages)
         with tempfile.TemporaryDirectory() as scratch:
             bench = Bench(problem, files, Path(scratch), self.rules, say)
@@ -127,7 +129,7 @@ class Suite:
             self.covariances += covariance_rows(size.name, problem, entries)
             self.known, self.last = least_seconds(entries), size
         if size.n_keyframes in (10, 100, 1000):
-            self.profile += profile_rows(size.name, files[0])
+            self.profile += [{"problem": size.name} | row for row in functions]
         if size.n_keyframes == 10:
             self.others["start_s"] = start_seconds(files[0])
             say(f"  a process that solves it: {self.others['start_s']:.2f} s")

@@ -83,7 +83,8 @@ def iteration_stages(problem: Problem) -> list[Stage]:
     measured = 16 + 3 * 4  # a pixel, and three 32-bit indices
     factor = 8 * (81 + 9 + 3 + 3 + 1)
     state = _DOUBLE * (15 * n + 3 * k)
-    blocks = _DOUBLE * (18 * pairs + 9 * k)
+    # Six numbers a pair are enough to make its coupling from, see vigauge.kernels.visual.
+    blocks = _DOUBLE * (6 * pairs + 9 * k)
     system = _DOUBLE * order * band
     return [
         # 60 flops a residual; 100 more for its Jacobians, 216 for J^T J and J^T r of (6 + 3) columns.

@@ -152,8 +152,10 @@ def scaling_rows(solves: Sequence[Row], floors: Mapping[str, float]) -> list[Row
     return out
 
 
-def roofline_rows(name: str, problem: Problem, stages: Sequence[Stage], peak: Peak) -> list[Row]:
-    """Rows of roofline.csv: work of each stage of an iteration and its floor on this machine."""
+def roofline_rows(
+    name: str, problem: Problem, stages: Sequence[Stage], peak: Peak, seconds: Mapping[str, float]
+) -> list[Row]:
+    """Rows of roofline.csv: work of each stage of an iteration, its floor on this machine, and our ``seconds``."""
     return [
         {
             **_problem(name, problem),
@@ -162,6 +164,8 @@ def roofline_rows(name: str, problem: Problem, stages: Sequence[Stage], peak: Pe
             "bytes": round(stage.bytes),
             "floor_ms": round(1e3 * stage.floor_s(peak), 5),
             "bound": "flops" if stage.flops / peak.flops > stage.bytes / peak.bandwidth else "bandwidth",
+            "ours_ms": round(1e3 * seconds[stage.name], 5),
+            "ours_over_floor": round(seconds[stage.name] / stage.floor_s(peak), 2),
         }
         for stage in stages
     ]

@@ -11,7 +11,8 @@ from benchmarks.__main__ import chosen_sizes, main
 from benchmarks.limits import Peak, Stage, iteration_stages, measure_peak, pair_counts
 from benchmarks.paper_time import job_records, rule_rows, whole_paper_s
 from benchmarks.problems import Size, make_problem
-from benchmarks.profile_solve import profile
+from benchmarks.profile_solve import profile, stage_seconds
+from benchmarks.results import roofline_rows
 from vigauge.errors import DataError
 from vigauge.files import write_rows
 
@@ -55,6 +56,18 @@ def test_profile_adds_up(small):
     rows = profile(small[1][0])
     assert rows and 0.3 < sum(row["share"] for row in rows) <= 1.001
     assert [row["own_ms"] for row in rows] == sorted((row["own_ms"] for row in rows), reverse=True)
+
+
+def test_stages_are_those_of_the_floor(small):
+    """Catches a stage that is set against another one's floor, or a time that is not its own."""
+    problem = small[0]
+    seconds = stage_seconds(problem)
+    assert list(seconds) == [stage.name for stage in iteration_stages(problem)]
+    assert all(0.0 < value < 1.0 for value in seconds.values())
+    measured = dict.fromkeys(seconds, 2e-3)
+    rows = roofline_rows("x", problem, iteration_stages(problem), Peak(1e9, 1e9), measured)
+    assert all(row["ours_ms"] == 2.0 for row in rows)
+    assert all(row["ours_over_floor"] == pytest.approx(2.0 / row["floor_ms"], rel=1e-2) for row in rows)
 
 
 def record(rule: str, begin: float, end: float) -> dict:

@@ -49,6 +49,13 @@ def test_tracks_are_bounded_and_long_enough(long):
     assert seen.min() > 0.3 * seen.mean()
 
 
+def test_landmarks_are_numbered_by_first_sight(long):
+    """Catches observations that kept the numbers in which landmarks were drawn."""
+    first = np.full(400, 40)
+    np.minimum.at(first, long.obs_landmark, long.obs_keyframe)
+    assert np.all(np.diff(first) >= 0)
+
+
 def test_parallax_at_the_estimate(long):
     """Catches points near the direction of flight, which no camera can place."""
     state = solve(long, FreeGauge()).state
