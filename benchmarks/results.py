@@ -155,7 +155,7 @@ def scaling_rows(solves: Sequence[Row], floors: Mapping[str, float]) -> list[Row
 def roofline_rows(
     name: str, problem: Problem, stages: Sequence[Stage], peak: Peak, seconds: Mapping[str, float]
 ) -> list[Row]:
-    """Rows of roofline.csv: work of each stage of an iteration, its floor on this machine, and our ``seconds``."""
+    """Rows of roofline.csv: work of each stage of an iteration, its floor here, and our own ``seconds``."""
     return [
         {
             **_problem(name, problem),

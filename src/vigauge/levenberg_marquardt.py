@@ -167,7 +167,7 @@ class _Objective:
 def _state_norm(state: State) -> float:
     """Norm of the parameters as Ceres sees them: unit quaternions for rotations after the first."""
     squares = sum(float(np.vdot(a, a)) for a in (state.p_W, state.v_W, state.X_W, state.dphi_0))
-    return float(np.sqrt(squares + state.n_keyframes - 1))
+    return math.sqrt(squares + state.n_keyframes - 1)
 
 
 def solve(
@@ -211,6 +211,7 @@ class _Run:
         self.region = _TrustRegion(options)
         self.trace: list[Iteration] = []
         self.states: list[State] = []
+        self.moved = False
         self.here = self.objective.evaluate(problem.initial)
 
     def solve(self) -> Solution:
@@ -242,15 +243,15 @@ class _Run:
         """Go to the end of the step if it is good; a status ends the run."""
         there = self.objective.evaluate(self.here.state.retract(step))
         tolerance = self.options.parameter_tolerance
-        moved_once = any(row.accepted for row in self.trace[1:])
-        if moved_once and np.linalg.norm(step) <= tolerance * (_state_norm(self.here.state) + tolerance):
+        length = math.sqrt(float(np.vdot(step, step)))
+        if self.moved and length <= tolerance * (_state_norm(self.here.state) + tolerance):
             return Status.PARAMETER_TOLERANCE
         change = self.here.cost - there.cost
         if abs(change) <= self.options.function_tolerance * self.here.cost:
             return Status.FUNCTION_TOLERANCE
         quality = change / predicted_decrease
         if quality > self.options.minimum_decrease:
-            self.here = there
+            self.here, self.moved = there, True
             self._linearise()
             self.region.accept(quality)
             self._record(accepted=True)
