@@ -1,4 +1,4 @@
-"""Scalar rotation kernels against the batched NumPy forms, at every size of angle."""
+"""Kernels against plain NumPy forms: rotations at every size of angle, products, damping."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vigauge import so3
-from vigauge.kernels import rotation
+from vigauge.kernels import blas, damping, rotation
 
 ANGLES = [0.0, 1e-300, 1e-12, 1e-8, 1e-4, 0.29999999, 0.3, 0.30000001, 1.0, 3.0, np.pi - 1e-9, np.pi, 6.0]
 vectors = st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array)
@@ -66,3 +66,40 @@ def test_rotations_are_retracted_as_by_the_definitions():
     rotation.retract_rotations(R_WB, step, dphi_0, R_ref, out)
     assert np.abs(out[0] - so3.exp(dphi_0) @ R_ref).max() < 1e-14
     assert np.abs(out[1:] - so3.exp(step[1:]) @ R_WB[1:]).max() < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "first", "end"), [(7, 60, 0, 60), (96, 55, 12, 54), (1, 3, 1, 2)]
+)
+def test_products_of_some_columns(rows, columns, first, end):
+    """Catches a panel that is shifted, transposed, or overwrites what was there: columns before ``first``
+    and from ``end`` on are not to be touched, the others are added to."""
+    rng = np.random.default_rng(0)
+    A, before = rng.normal(size=(rows, columns)), rng.normal(size=(columns, columns))
+    out = before.copy()
+    blas.add_gram(A, first, end, out)
+    part = slice(first, end)
+    expected = before.copy()
+    expected[part, part] += A[:, part].T @ A[:, part]
+    upper = np.triu(np.ones_like(out, dtype=bool))
+    assert np.abs(out - expected)[upper].max() < 1e-13 * rows
+    outside = np.ones_like(upper)
+    outside[part, part] = False
+    assert np.array_equal(out[outside], before[outside])
+
+
+def test_damping_is_clamped_where_columns_are_scaled():
+    """Catches clamps applied to the diagonal itself, or a radius that multiplies."""
+    diagonal, scale = np.array([4.0, 1e-12, 1e40]), np.array([0.5, 2.0, 1.0])
+    out = np.empty(3)
+    damping.clamped(diagonal, scale**2, 1e-6, 1e32, 10.0, out)
+    assert np.allclose(out, np.clip(diagonal * scale**2, 1e-6, 1e32) / scale**2 / 10.0, rtol=1e-15)
+
+
+def test_predicted_decrease_is_that_of_the_model():
+    """Catches a lost half or sign: -(g x + x H x / 2) where (H + D) x = -g."""
+    rng = np.random.default_rng(1)
+    J, g, D = rng.normal(size=(8, 5)), rng.normal(size=5), rng.uniform(0.1, 1.0, 5)
+    H = J.T @ J
+    x = np.linalg.solve(H + np.diag(D), -g)
+    assert damping.predicted_decrease(g, D, x) == pytest.approx(-(g @ x + 0.5 * x @ H @ x), rel=1e-12)

@@ -216,21 +216,32 @@ def explain(number: Number, e: Experiments, times: list[Number]) -> str:
 
 
 def _explain_time(number: Number, e: Experiments, times: list[Number]) -> str:
-    """One factor for the machine; in Fig. 7 also another number of landmarks, with the factor found anew."""
+    """One factor for the machine, alone or with a change that an experiment found, the factor then anew.
+
+    In Fig. 7 the change is another number of landmarks, in Fig. 5 one of the numbers of iterations.
+    """
     logs = np.log([n.ratio for n in times])
     place = times.index(number)
     rest = float(np.exp(logs[place] - logs.mean()))
     reason = f"{MACHINE} (one factor for all, {np.exp(logs.mean()):.2g}; {rest:.2g} is left)"
     if not is_outside(rest):
         return reason
-    if number.artefact != "fig07":
+    changed = {AS_CONFIGURED: logs}
+    if number.artefact == "fig07":
+        here = np.array([n.case == number.case for n in times])
+        for variant, factor in e.landmark_factors.items():
+            changed[f"{variant} in {number.case}"] = logs + np.log(factor) * here
+            changed[f"{variant} in all but {number.case}"] = logs + np.log(factor) * ~here
+    elif number.artefact == "fig05":
+        # As many times longer as there are more iterations.
+        counts = e.iterations.stack()
+        at = [(float(n.case), n.quantity.rsplit(" ", 1)[1]) for n in times]
+        for variant in e.iterations.index.get_level_values("variant").unique():
+            more = counts[variant].reindex(at) / counts[AS_CONFIGURED].reindex(at)
+            changed[variant] = logs + np.log(more.to_numpy(dtype=float))
+    else:
         return f"{NOT_EXPLAINED}: {reason}"
-    here = np.array([n.case == number.case for n in times])
-    sizes = {AS_CONFIGURED: logs}
-    for variant, factor in e.landmark_factors.items():
-        sizes[f"{variant} in {number.case}"] = logs + np.log(factor) * here
-        sizes[f"{variant} in all but {number.case}"] = logs + np.log(factor) * ~here
-    left = pd.DataFrame({name: np.exp(values - values.mean()) for name, values in sizes.items()}).T
+    left = pd.DataFrame({name: np.exp(values - values.mean()) for name, values in changed.items()}).T
     found = _best(left[place], left.map(is_outside).sum(axis=1))
     return f"{found}; {reason}" if found.startswith(NOT_EXPLAINED) else f"{MACHINE}, and {found}"
 
