@@ -90,6 +90,16 @@ def degenerate(solutions: Mapping[str, Path]) -> str:
     return f" Degenerate: {', '.join(counts)}." if counts else ""
 
 
+def starts(solutions: Mapping[str, Path]) -> str:
+    """A sentence on the errors of the starts, means over the trials."""
+    parts = []
+    for name, file in solutions.items():
+        table = pd.read_csv(file).query("noise == 'headline' and gauge == 'fix'")
+        errors = (table[f"start_{error}"].mean() for error in ERRORS)
+        parts.append(f"{name} {', '.join(f'{error:.5f}' for error in errors)}")
+    return f"The starts: {'; '.join(parts)}."
+
+
 def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 

@@ -17,6 +17,7 @@ from .covariance import covariance_of, motion_pseudo_inverse, transform_covarian
 from .errors import VigaugeError
 from .euroc.ground_truth import read_ground_truth
 from .euroc.sequence import read_sequence
+from .euroc.truth_steps import find_steps, without_steps
 from .evaluation import relative_frobenius
 from .experiment import Trial, first_solves, solution_row, solve_interleaved
 from .frontend.build import build_problem
@@ -54,7 +55,7 @@ class WindowTask:
     ----------
     name : of the window, as results carry it
     folder : ASL folder
-    truth, biases : names of ground-truth folders, for evaluation and for the known biases
+    truth, biases : names of ground-truth folders, for evaluation (without its steps) and for the known biases
     settings : of the front-end; its keyframes say which part of the recording it is
     noise : noise models by name, with ``sigma_px`` and ``density_factor``
     """
@@ -89,8 +90,10 @@ def run_window(task: WindowTask, options: Options, prior_weight: float) -> list[
         return [_refused(about, "check", "; ".join(f"{e.check}: {e.message}" for e in errors))]
     try:
         biases = read_ground_truth(task.folder / "mav0" / task.biases)
-        problem, t_ns, _ = build_problem(read_sequence(task.folder), biases, task.settings)
-        truth = read_ground_truth(task.folder / "mav0" / task.truth).states_at(t_ns)
+        sequence = read_sequence(task.folder)
+        problem, t_ns, _ = build_problem(sequence, biases, task.settings)
+        recorded = read_ground_truth(task.folder / "mav0" / task.truth)
+        truth = without_steps(recorded, find_steps(recorded, sequence.imu)).states_at(t_ns)
     except VigaugeError as error:
         return [_refused(about, "front-end", f"{type(error).__name__}: {error}")]
     about |= {"keyframes": problem.initial.n_keyframes, "landmarks": problem.initial.n_landmarks}

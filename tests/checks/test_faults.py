@@ -237,6 +237,27 @@ def test_truth_whose_orientation_is_off_by_a_degree_is_warned_of(folder: Path) -
     assert any("its turns have axes 1.2" in message for message in messages(found, "warning")), found.lines()
 
 
+# The known flaw of another: positions that jump.
+def test_jump_of_the_truth_is_warned_of(folder: Path) -> None:
+    """Millimetres between two samples, which enter every error and show in no plot."""
+    rows = 0
+
+    def change(row: list[str]) -> list[str]:
+        nonlocal rows
+        rows += 1
+        if rows > 300:
+            row[1] = repr(float(row[1]) + 0.004)
+        return row
+
+    assert check(folder).facts[TRUTH]["steps"] == []
+    edit_rows(folder, TRUTH, change)
+    found = check(folder)
+    assert found.exit_status == 1
+    (message,) = messages(found, "warning")
+    assert "jumps 1 times between samples, by up to 4.0 mm" in message
+    assert len(found.facts[TRUTH]["steps"]) == 1
+
+
 # Case 15
 def test_inverted_extrinsics_are_told_by_the_images(folder: Path) -> None:
     """Body-to-camera where camera-to-body is meant: rigid, with the right baseline."""
@@ -426,7 +447,9 @@ def test_flaw_of_a_published_truth_is_found_from_data(euroc_root: Path) -> None:
         assert found.facts["state_groundtruth_openvins0"]["gyro_axes_deg"] < 0.1
     assert len(about) == 1 and TRUTH in about[0]
     assert not found.of("error")
-    assert check_sequence(euroc_root / "MH_01_easy").exit_status == 0
+    # MH_01: nothing but the jumps that its positions are known for.
+    assert {f.check for f in check_sequence(euroc_root / "MH_01_easy").of("warning")} == {"truth steps"}
+    assert not check_sequence(euroc_root / "MH_01_easy").of("error")
 
 
 @pytest.mark.euroc

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, replace
@@ -195,10 +196,35 @@ def test_stage_writes_problem_truth_and_report(rendered, tmp_path: Path) -> None
     """Files that do not fit together, or cannot be read back."""
     done = stage(rendered.folder, tmp_path, FLOW)
     assert done.returncode == 0, done.stderr
-    (problem,), (truth,) = load_problems(tmp_path / "problem.npz"), load_states(tmp_path / "truth.npz")
+    (problem,) = load_problems(tmp_path / "problem.npz")
+    truth, published = load_states(tmp_path / "truth.npz")
     report = json.loads((tmp_path / "report.json").read_text("utf-8"))
     assert problem.initial.n_keyframes == truth.n_keyframes == report["keyframes"] == 7
     assert trajectory_errors(problem.initial, truth).p_rmse_m < 0.03
+    assert report["truth_steps"] == [] and np.array_equal(truth.p_W, published.p_W)
+
+
+def test_jump_of_the_truth_is_taken_out_and_reported(rendered, tmp_path: Path) -> None:
+    """A start and estimates that are judged against a truth known to be wrong, or one changed in silence."""
+    folder = tmp_path / "copy"
+    shutil.copytree(rendered.folder, folder)
+    file = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
+    head, *rows = file.read_text("utf-8").splitlines()
+    fields = [row.split(",") for row in rows]
+    for field in fields[len(fields) // 2 :]:
+        field[3] = repr(float(field[3]) + 0.05)
+    file.write_text("\n".join([head, *(",".join(field) for field in fields)]) + "\n", "utf-8")
+    done = stage(folder, tmp_path, FLOW)
+    assert done.returncode == 0, done.stderr
+    assert "the truth's position jumps by 50.0 mm" in done.stderr + done.stdout
+    (step,) = json.loads((tmp_path / "report.json").read_text("utf-8"))["truth_steps"]
+    assert step["shift_m"] == pytest.approx([0.0, 0.0, 0.05], abs=1e-4)
+    assert step["t_ns"] == int(fields[len(fields) // 2][0])
+    (problem,) = load_problems(tmp_path / "problem.npz")
+    truth, published = load_states(tmp_path / "truth.npz")
+    assert trajectory_errors(problem.initial, truth).p_rmse_m < 0.03
+    assert trajectory_errors(problem.initial, published).p_rmse_m > 0.02
+    assert np.abs(published.p_W - truth.p_W).max() == pytest.approx(0.05, abs=1e-4)
 
 
 @pytest.mark.parametrize("fault", ["no folder", "broken image", "unknown setting"])

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .. import so3
 from ..euroc.ground_truth import GroundTruth
 from ..euroc.nearest import nearest_index
+from ..euroc.truth_steps import SMALLEST_M, find_steps
 from ..imu import ImuNoise, ImuSamples, preintegrate
 from ..so3 import Array
 from .findings import Findings
@@ -61,6 +62,24 @@ def check_truth(
         _judge_turns(name, fit, gyro, t_ns, R_WB, out)
     bias = fit.gyro_bias if fit is not None else np.mean(samples.gyro, axis=0)
     _check_force(name, truth, samples, bias, out)
+    _check_steps(name, truth, samples, out)
+
+
+def _check_steps(name: str, truth: GroundTruth, samples: ImuSamples, out: Findings) -> None:
+    """Jumps of the position that the accelerometer rules out; the front-end evaluates without them."""
+    steps = find_steps(truth, samples)
+    if steps is None:
+        out.skip(f"steps of {name}", "its samples are too far apart")
+        return
+    longest = max((step.length_m for step in steps), default=0.0)
+    out.fact(name, steps=[step.t_ns for step in steps], longest_step_m=longest)
+    if steps:
+        out.warn(
+            "truth steps",
+            f"the position of {name} jumps {len(steps)} times between samples, by up to {1e3 * longest:.1f} "
+            f"mm (limit {1e3 * SMALLEST_M:g} mm, first at {steps[0].t_ns}): taken out before anything is "
+            "evaluated",
+        )
 
 
 def _spaced(truth: GroundTruth, rows: NDArray[np.intp]) -> tuple[NDArray[np.int64], Array]:

@@ -1,6 +1,7 @@
 """Front-end: from an ASL sequence to a problem, the truth at its keyframes, and a report.
 
-Ground truth gives the known biases; the truth that is written serves evaluation only.
+Ground truth gives the known biases; the truth that is written serves evaluation only: first without the
+steps that the accelerometer rules out, then as published.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from vigauge.archive import save_problems, save_states
 from vigauge.cli.stage import LOG, Stamped, json_argument, parser, run
 from vigauge.euroc.ground_truth import read_ground_truth
 from vigauge.euroc.sequence import read_sequence
+from vigauge.euroc.truth_steps import find_steps, steps_between, without_steps
 from vigauge.files import write_json
 from vigauge.frontend.build import build_problem
 from vigauge.frontend.settings import FrontEndSettings
@@ -33,12 +35,26 @@ def work(options: argparse.Namespace) -> None:
         if count:
             LOG.warning("%s: %s: %d", sequence.name, what.replace("_", " "), count)
     problem, t_ns, report = build_problem(sequence, biases, settings, progress=True)
-    save_states(options.truth_output, [truth.states_at(t_ns)])
+    steps = find_steps(truth, sequence.imu)
+    inside = steps_between(steps, int(t_ns[0]), int(t_ns[-1]))
+    for step in inside:
+        LOG.warning(
+            "%s: the truth's position jumps by %.1f mm at %d ns; taken out",
+            sequence.name,
+            1e3 * step.length_m,
+            step.t_ns,
+        )
+    save_states(options.truth_output, [without_steps(truth, steps).states_at(t_ns), truth.states_at(t_ns)])
     save_problems(options.output, [problem])
     details = report.to_mapping()
-    write_json(
-        options.report, details | mended | {"truth": options.truth.name, "biases": options.biases.name}
-    )
+    evaluation = {
+        "truth": options.truth.name,
+        "biases": options.biases.name,
+        "truth_steps": None
+        if steps is None
+        else [{"t_ns": step.t_ns, "shift_m": step.shift_W.tolist()} for step in inside],
+    }
+    write_json(options.report, details | mended | evaluation)
     LOG.info(
         "%s: %d keyframes, %d landmarks, %d observations, median reprojection error %.2f px",
         sequence.name,
@@ -67,7 +83,10 @@ def main() -> None:
     arguments.add_argument("--sort", action="store_true", help="put rows in order of time, and count them")
     arguments.add_argument("--output", type=Path, required=True, help="output: the problem")
     arguments.add_argument(
-        "--truth-output", type=Path, required=True, help="output: true states at the keyframes"
+        "--truth-output",
+        type=Path,
+        required=True,
+        help="output: true states at the keyframes, without steps and as published",
     )
     arguments.add_argument("--report", type=Path, required=True, help="output: counts and errors")
     run(

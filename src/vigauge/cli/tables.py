@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
+from typing import Any
 
 from vigauge.cli.artefacts import add_published, add_published_names, named_file, stem_of
 from vigauge.cli.stage import parser, run
 from vigauge.names import STAND_IN
-from vigauge.tables import degenerate, left_out, table1, table2, table3, trial_count, wide_errors, write_table
+from vigauge.tables import (
+    degenerate,
+    left_out,
+    starts,
+    table1,
+    table2,
+    table3,
+    trial_count,
+    wide_errors,
+    write_table,
+)
 
 _BOLD = "Bold: the smaller of fixation and free."
 
@@ -32,7 +44,7 @@ def work(options: argparse.Namespace) -> None:
     names = dict(options.published_names)
     what = "RMSE in m, deg, m/s" if options.source == "euroc" else f"RMSE in m, deg, m/s; {STAND_IN}"
     counted = left_out(solutions) + degenerate(solutions)
-    note = f"{what}. {_BOLD}{beside if names else ''}{counted} {_truths(options.reports)}"
+    note = f"{what}. {_BOLD}{beside if names else ''}{counted} {starts(solutions)} {_truths(options.reports)}"
     write_table(rows, options.output, wide_errors(rows, published if names else None, names), note)
 
 
@@ -41,10 +53,17 @@ def _truths(reports: list[tuple[str, Path]]) -> str:
     parts = []
     for name, file in reports:
         report = json.loads(file.read_text(encoding="utf-8"))
-        parts.append(
-            f"{name}: {report['keyframes']} keyframes, truth {report['truth']}, biases {report['biases']}"
-        )
+        truth = f"{report['truth']}{_steps(report['truth_steps'])}"
+        parts.append(f"{name}: {report['keyframes']} keyframes, truth {truth}, biases {report['biases']}")
     return "; ".join(parts) + "."
+
+
+def _steps(steps: list[dict[str, Any]] | None) -> str:
+    """What was taken out of a truth, in words; empty where nothing was, or its samples do not tell."""
+    if not steps:
+        return ""
+    sizes = ", ".join(f"{1e3 * math.hypot(*step['shift_m']):.1f} mm" for step in steps)
+    return f" (without its jump{'s' * (len(steps) > 1)} of {sizes}, which the accelerometer rules out)"
 
 
 def main() -> None:
