@@ -28,7 +28,7 @@ from .limits import iteration_stages, measure_peak
 from .native import describe
 from .paper_time import RESULT as PAPER_RESULT
 from .paper_time import whole_paper_s
-from .problems import SIZES, Size, cached_problem
+from .problems import GROWTH, SIZES, Size, cached_problem
 from .process import pinned
 from .race import PARTS, Bench, Entry, Rules, least_seconds, race_covariances, race_solves
 from .results import Row, covariance_rows, roofline_rows, scaling_rows, solve_rows
@@ -133,6 +133,17 @@ class Suite:
         if size.n_keyframes == 10:
             self.others["start_s"] = start_seconds(files[0])
             say(f"  a process that solves it: {self.others['start_s']:.2f} s")
+
+    def growth(self, size: Size) -> None:
+        """Our own iteration at a size that only shows how it grows."""
+        say(f"{size.name}: ours alone")
+        files = cached_problem(size, self.options.data)
+        problem = load_problems(files[0])[0]
+        self.floors[size.name] = sum(stage.floor_s(self.peak) for stage in iteration_stages(problem))
+        with tempfile.TemporaryDirectory() as scratch:
+            bench = Bench(problem, files, Path(scratch), self.rules, say)
+            ours = [competitor for competitor in self.field if competitor.name == OURS]
+            self.solves += solve_rows(size.name, problem, race_solves(bench, ours, 1, ("free",)))
 
     def _scaled(self, size: Size) -> dict[str, float]:
         """Least seconds to expect of each covariance at a size, from the one before."""
@@ -252,6 +263,10 @@ def main(arguments: list[str] | None = None) -> int:
             suite.problem(size)
             targets = suite.write()
             say(f"{size.name}: done, {time.monotonic() - begin:.0f} s so far")
+        if {100, 1000} <= {size.n_keyframes for size in options.sizes}:
+            for n, k in GROWTH:
+                suite.growth(Size(n, k))
+            targets = suite.write()
     except VigaugeError as error:
         print(f"benchmarks: {error}", file=sys.stderr)
         return 1

@@ -1,4 +1,4 @@
-"""The log-log figure of scaling.csv: time of an iteration against keyframes, and the machine's floor."""
+"""The log-log figure of scaling.csv: time of an iteration against observations, and the machine's floor."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ def draw_scaling(rows: Sequence[Row], stem: Path) -> None:
         for solver in dict.fromkeys(str(row["solver"]) for row in single):
             mine = sorted(
                 (row for row in single if row["solver"] == solver),
-                key=lambda row: int(str(row["n_keyframes"])),
+                key=lambda row: int(str(row["n_observations"])),
             )
             colour, marker = _LOOK[solver]
-            slope = mine[0]["exponent_keyframes"]
-            label = _NAMES[solver] + ("" if slope == "" else f", $N^{{{float(str(slope)):.2f}}}$")
+            slope = mine[0]["exponent_observations"]
+            label = _NAMES[solver] + ("" if slope == "" else f", $M^{{{float(str(slope)):.2f}}}$")
             axes.loglog(
-                [int(str(row["n_keyframes"])) for row in mine],
+                [int(str(row["n_observations"])) for row in mine],
                 [float(str(row["ms_per_iteration"])) for row in mine],
                 color=colour,
                 marker=marker,
                 label=label,
             )
-        floor = {int(str(row["n_keyframes"])): float(str(row["floor_ms"])) for row in single}
+        floor = {int(str(row["n_observations"])): float(str(row["floor_ms"])) for row in single}
         axes.loglog(
             sorted(floor), [floor[n] for n in sorted(floor)], "k--", lw=0.8, label="floor of the machine"
         )
-        axes.set_xlabel("keyframes $N$")
+        axes.set_xlabel("observations $M$ (10 to 1000 keyframes)")
         axes.set_ylabel("time of an iteration (ms)")
         axes.grid(which="both")
         axes.legend()

@@ -36,6 +36,9 @@ CONFIG = Path(__file__).resolve().parent.parent / "config" / "config.yaml"
 
 SIZES = ((10, 300), (30, 1000), (100, 5000), (300, 20000), (1000, 100000))
 
+# The growth of an iteration with N alone: as many landmarks a keyframe as at N = 100. Not all SIZES have.
+GROWTH = ((300, 15000), (1000, 50000))
+
 # Consecutive keyframes that may see a landmark, from ten keyframes on.
 TRACK_LENGTHS = (8, 9, 10)
 MINIMUM_VIEWS = 3

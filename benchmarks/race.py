@@ -1,12 +1,15 @@
 """Interleaved rounds of all solvers on one problem; agreement first, times second.
 
 Every solver runs in a process of its own with the problem loaded. Its first run is a trial: it warms
-caches, chooses the faster variant, and shows where it ends. Rounds follow in which each solver runs
-once, in an order that turns from round to round. A time counts only where the end agrees.
+caches, chooses the faster variant, and shows where it ends. Rounds follow in which each solver has its
+turn, in an order that changes from round to round. What is short runs several times in a turn, of which
+the median counts: a single run of a millisecond would mostly measure that the others have emptied the
+caches. A time counts only where the end agrees.
 """
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -42,12 +45,17 @@ class Rules:
     memory_gib: float = 12.0
     budget_s: float = 20.0
     rounds: int = 25
+    turn_s: float = 0.05
 
     def count(self, trial_s: float) -> int:
         """Rounds for a solver whose trial took so long: as many as fit, but three if that takes a minute."""
         if trial_s > self.budget_s:
             return 1
         return int(np.clip(self.budget_s / max(trial_s, 1e-9), 3, self.rounds))
+
+    def runs(self, trial_s: float) -> int:
+        """Runs in one turn: as many as take so long together, an odd number."""
+        return 1 + 2 * int(self.turn_s / max(2.0 * trial_s, 1e-4))
 
 
 @dataclass
@@ -139,7 +147,7 @@ def _rounds(entries: Sequence[Entry], run: Callable[[Entry], float], rules: Rule
             if entry.status != "measured" or number >= due[id(entry)] or due[id(entry)] == 1:
                 continue
             try:
-                entry.seconds.append(run(entry))
+                entry.seconds.append(statistics.median(run(entry) for _ in range(rules.runs(entry.trial_s))))
             except DroppedOut as reason:
                 entry.status = str(reason)
 

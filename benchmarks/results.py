@@ -116,6 +116,11 @@ def covariance_rows(name: str, problem: Problem, entries: Sequence[Entry]) -> li
     return rows
 
 
+def _density(row: Row) -> float:
+    """Landmarks a keyframe."""
+    return float(str(row["n_landmarks"])) / float(str(row["n_keyframes"]))
+
+
 def scaling_rows(solves: Sequence[Row], floors: Mapping[str, float]) -> list[Row]:
     """Rows of scaling.csv: milliseconds an iteration in the free gauge, the slope over long problems, and how
     much of the time the machine's floor explains. ``floors`` has seconds by problem."""
@@ -129,10 +134,12 @@ def scaling_rows(solves: Sequence[Row], floors: Mapping[str, float]) -> list[Row
             and r["ms_per_iteration"] != ""
         ]
         long = [r for r in chosen if int(str(r["n_keyframes"])) >= LARGE]
+        # With N alone only problems with as many landmarks a keyframe are compared.
+        alike = [r for r in long if _density(r) == min(map(_density, long))]
         slope = exponent(
-            [float(str(r["n_keyframes"])) for r in long], [float(str(r["ms_per_iteration"])) for r in long]
+            [float(str(r["n_keyframes"])) for r in alike], [float(str(r["ms_per_iteration"])) for r in alike]
         )
-        # Problems need not have the same observations a keyframe; this slope leaves that out.
+        # This slope is over all of them.
         by_work = exponent(
             [float(str(r["n_observations"])) for r in long], [float(str(r["ms_per_iteration"])) for r in long]
         )

@@ -132,6 +132,12 @@ def test_hopeless_covariance_is_not_tried(bench: Bench, ours, fake, said):
     }
 
 
+def test_short_runs_are_repeated_in_a_turn():
+    """Catches single runs with cold caches, and turns that take longer for slow solvers."""
+    rules = Rules(turn_s=0.05)
+    assert [rules.runs(seconds) for seconds in (0.0, 1e-3, 5e-3, 0.03, 2.0)] == [1001, 51, 11, 1, 1]
+
+
 def test_slow_solvers_run_less_often():
     """Catches rounds that make the whole suite as slow as its slowest member allows."""
     rules = Rules(budget_s=20.0, rounds=25)
@@ -191,21 +197,26 @@ def test_exponent():
 
 
 def scaling_example() -> list[dict]:
-    row = {"n_landmarks": 1, "solver": OURS, "gauge": "free", "threads": 1, "peak_mib": 512.0}
+    row = {"solver": OURS, "gauge": "free", "threads": 1, "peak_mib": 512.0}
     times = {10: 1.0, 100: 20.0, 1000: 400.0}
     solves = [
-        row | {"problem": f"n{n}", "n_keyframes": n, "n_observations": 9 * n, "ms_per_iteration": ms}
+        row
+        | {"problem": f"n{n}", "n_keyframes": n, "n_landmarks": 5 * n, "n_observations": 9 * n}
+        | {"ms_per_iteration": ms}
         for n, ms in times.items()
     ]
     solves.append(solves[0] | {"solver": "scipy", "ms_per_iteration": ""})
-    return scaling_rows(solves, {f"n{n}": 1e-4 * n for n in times})
+    # Denser: no part of the growth with N alone.
+    solves.append(solves[2] | {"problem": "n1000b", "n_landmarks": 10**4, "n_observations": 18 * 10**3})
+    return scaling_rows(solves, {row["problem"]: 1e-4 * row["n_keyframes"] for row in solves})
 
 
 def test_scaling_rows():
     """Catches an exponent over short problems, whose times are overhead, and shares above one."""
     rows = scaling_example()
-    assert [row["n_keyframes"] for row in rows] == [10, 100, 1000]
+    assert [row["n_keyframes"] for row in rows] == [10, 100, 1000, 1000]
     assert rows[0]["exponent_keyframes"] == pytest.approx(1.301, abs=1e-3)
+    assert rows[0]["exponent_observations"] < 1.301
     assert rows[2]["share_of_floor"] == pytest.approx(100.0 / 400.0)
 
 
