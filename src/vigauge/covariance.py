@@ -18,7 +18,7 @@ import scipy.linalg
 from . import so3
 from .conditioning import scaled_eigenvalues
 from .errors import DataError, DegenerateError
-from .gauge import Gauge, GaugePrior, first_pose_columns, orbit_tangent
+from .gauge import FreeGauge, Gauge, GaugePrior, first_pose_columns, orbit_tangent
 from .held_inverse import HeldInverse, require_regular
 from .kernels import symmetric
 from .layout import Index
@@ -159,14 +159,15 @@ class GaugeProjection:
             return cls(HeldInverse.of(reduced, held), None, None, None)
         inverse = HeldInverse.of(reduced, first_pose_columns(state))
         U = orbit_tangent(state)
-        V = _prior_normal(state, prior) if prior is not None else gauge.normal(state)
+        if prior is not None:
+            V = _prior_normal(state, prior)
+        else:
+            V = U if type(gauge) is FreeGauge else gauge.normal(state)  # others derive from it
         rows = len(U) if landmarks else 9 * state.n_keyframes
         W = _times_inverse(U[:rows], V.T @ U)
-        outside = V.copy()
-        outside[inverse.held] = 0.0
-        A = None
-        if np.any(outside):
-            A = cls._half_update(reduced, inverse, V, W, landmarks)
+        # A prior on what G holds says nothing of the shape.
+        same = prior is not None and np.array_equal(prior.columns, inverse.held)
+        A = None if same else cls._half_update(reduced, inverse, V, W, landmarks)
         return cls(inverse, A, W, W if prior is not None else None)
 
     @staticmethod

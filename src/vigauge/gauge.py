@@ -60,23 +60,9 @@ def orbit_tangent(state: State) -> Array:
     It belongs to this package's parameters: left increments in W, the first rotation as
     Eq. (9), order of :mod:`vigauge.state`. Biases, which a gauge does not move, have zero rows.
     """
-    n, k = state.n_keyframes, state.n_landmarks
-    U = np.zeros((3 * n + k, 3, 4))
-    for block, vectors in (
-        (U[:n], state.p_W),
-        (U[2 * n : 3 * n], state.v_W),
-        (U[3 * n :], state.X_W),
-    ):
-        # e_z x a = (-a_y, a_x, 0)
-        block[:, 0, 0] = -vectors[:, 1]
-        block[:, 1, 0] = vectors[:, 0]
-    U[:n, :, 1:] = np.eye(3)
-    U[3 * n :, :, 1:] = np.eye(3)
-    U[n : 2 * n, 2, 0] = 1.0
-    inverse = np.empty((3, 3))
-    rotation.right_jacobian_inverse(-state.dphi_0, inverse)  # J_r(-phi) = J_l(phi)
-    U[n, :, 0] = inverse[:, 2]
-    return U.reshape(-1, 4)
+    U = np.empty((state.n_parameters, 4))
+    rotation.orbit_tangent(state.p_W, state.v_W, state.X_W, state.dphi_0, U)
+    return U
 
 
 def first_pose_columns(state: State) -> Index:

@@ -14,7 +14,7 @@ import scipy.linalg.lapack as lapack
 from .banded_inverse import banded_inverse, selected_inverse
 from .errors import DegenerateError, SolverError
 from .kernels import symmetric
-from .layout import Factorised, Index, by_keyframe, by_kind
+from .layout import Factorised, Index
 from .normal_equations import ReducedSystem
 from .so3 import Array
 
@@ -55,10 +55,10 @@ class HeldInverse:
     def times(self, columns: Array) -> Array:
         """G B for columns B (9N, c) in the package's order."""
         layout = self.reduced.structure.layout
-        right = by_keyframe(columns, len(layout.place))
-        right = layout.to_stored(right).copy()
+        right = np.empty_like(columns)
+        right[layout.stored] = columns
         right[layout.stored[self.held]] = 0.0
-        return by_kind(layout.from_stored(self.factorised.solve(right)))
+        return self.factorised.solve(right)[layout.stored]
 
     def dense(self) -> Array:
         """(9N, 9N) G in the package's order."""

@@ -16,7 +16,7 @@ import scipy.linalg.lapack as lapack
 from numpy.typing import NDArray
 
 from .errors import SolverError
-from .kernels import covisibility
+from .kernels import covisibility, symmetric
 from .so3 import Array
 
 Index = NDArray[np.int64]
@@ -186,27 +186,7 @@ class Layout:
 
     def hold(self, storage: Array, columns: Index) -> None:
         """Replace rows and columns by those of the identity, in place: what they stand for does not move."""
-        key = columns.tobytes()
-        if key not in self._held_entries:
-            self._held_entries[key] = self._entries_of(self.stored[columns])
-        cross, diagonal = self._held_entries[key]
-        storage[cross] = 0.0
-        storage[diagonal] = 1.0
-
-    @cached_property
-    def _held_entries(self) -> dict[bytes, tuple[Index, Index]]:
-        """Stored entries of held rows and columns, by columns: a solve holds the same in every iteration."""
-        return {}
-
-    def _entries_of(self, held: Index) -> tuple[Index, Index]:
-        parts = []
-        for at in held:
-            last = min(at + self.half_bandwidth, self.size - 1)
-            first = max(at - self.half_bandwidth, 0)
-            parts.append(at * self.stride + np.arange(at, last + 1))
-            parts.append(np.arange(first, at) * self.stride + at)
-        empty = np.zeros(0, dtype=np.int64)
-        return np.concatenate([empty, *parts]), held * (self.stride + 1)
+        symmetric.hold(storage, self.stored[columns], self.stride, self.half_bandwidth, self.size)
 
     def dense(self, storage: Array) -> Array:
         """(9N, 9N) symmetric matrix in the package's order."""

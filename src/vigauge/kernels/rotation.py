@@ -111,3 +111,24 @@ def retract_rotations(R_WB: Array, step: Array, dphi_0: Array, R_ref: Array, out
         for a in range(3):
             for b in range(3):
                 out[i, a, b] = turn[a, 0] * base[0, b] + turn[a, 1] * base[1, b] + turn[a, 2] * base[2, b]
+
+
+@kernel
+def orbit_tangent(p_W: Array, v_W: Array, X_W: Array, dphi_0: Array, U: Array) -> None:
+    """Eq. (15) into ``U`` (9N + 3K, 4): columns (yaw, x, y, z), rows as in :mod:`vigauge.state`."""
+    n = len(p_W)
+    U[:] = 0.0
+    for vectors, start in ((p_W, 0), (v_W, 6 * n), (X_W, 9 * n)):
+        for i in range(len(vectors)):
+            # e_z x a = (-a_y, a_x, 0)
+            U[start + 3 * i, 0], U[start + 3 * i + 1, 0] = -vectors[i, 1], vectors[i, 0]
+    for i in range(n + len(X_W)):
+        row = 3 * i if i < n else 9 * n + 3 * (i - n)
+        for a in range(3):
+            U[row + a, 1 + a] = 1.0
+    for i in range(n):
+        U[3 * n + 3 * i + 2, 0] = 1.0
+    inverse = np.empty((3, 3))
+    right_jacobian_inverse(-dphi_0, inverse)  # J_r(-phi) = J_l(phi)
+    for a in range(3):
+        U[3 * n + a, 0] = inverse[a, 2]

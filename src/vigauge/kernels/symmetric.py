@@ -1,4 +1,4 @@
-"""Symmetric matrices: unpacked from LAPACK's triangle, and updated in low rank."""
+"""Symmetric matrices: unpacked from LAPACK's triangle, updated in low rank, with columns held."""
 
 from __future__ import annotations
 
@@ -30,3 +30,14 @@ def subtract_outer(G: Array, A: Array, W: Array) -> None:
             value -= w0 * A[j, 0] + w1 * A[j, 1] + w2 * A[j, 2] + w3 * A[j, 3]
             G[i, j] = value
             G[j, i] = value
+
+
+@kernel
+def hold(storage: Array, held: Index, stride: int, half_bandwidth: int, size: int) -> None:
+    """Rows and columns of the identity in a stored lower triangle: (r, c) is ``storage[c * stride + r]``."""
+    for at in held:
+        for r in range(at + 1, min(at + half_bandwidth, size - 1) + 1):
+            storage[at * stride + r] = 0.0
+        for c in range(max(at - half_bandwidth, 0), at):
+            storage[c * stride + at] = 0.0
+        storage[at * stride + at] = 1.0
