@@ -222,6 +222,7 @@ class Suite:
             "limit_s": self.rules.limit_s,
             "memory_gib": self.rules.memory_gib,
             "seconds_of_rounds": self.rules.budget_s,
+            "seconds_of_a_turn": self.rules.turn_s,
             "seed": Size(10, 300).seed,
         }
 

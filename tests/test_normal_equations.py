@@ -85,6 +85,19 @@ def test_runs_have_one_view_and_take_every_observation_once(seed):
     assert np.all(s.obs_pair[first] >= 0)
 
 
+def test_cameras_of_a_keyframe_may_come_in_any_order():
+    """Catches sums into a block that another camera has not begun yet: problems are ordered by landmark and
+    keyframe, not by camera."""
+    problem = random_problem(3)
+    order = np.lexsort((-problem.obs_camera, problem.obs_keyframe, problem.obs_landmark))
+    names = ("keyframe", "camera", "landmark", "uv")
+    swapped = replace(problem, **{f"obs_{name}": getattr(problem, f"obs_{name}")[order] for name in names})
+    assert not np.array_equal(swapped.obs_camera, problem.obs_camera)
+    found, expected = linearise(swapped, swapped.initial), linearise(problem, problem.initial)
+    assert np.allclose(found.dense(), expected.dense(), rtol=1e-12, atol=1e-9)
+    assert np.allclose(found.gradient, expected.gradient, rtol=1e-12, atol=1e-9)
+
+
 def test_keyframes_without_observations():
     """Catches rows shifted to the next keyframe where one has no observations at all."""
     problem = random_problem(5)

@@ -51,7 +51,7 @@ def _blocks(factor: Array) -> Iterator[tuple[slice, slice, Array, Array]]:
 def banded_inverse(factor: Array) -> Array:
     """(n, n) inverse of L L^T, from L in LAPACK's lower band form (b + 1, n)."""
     n = factor.shape[1]
-    Z = np.empty((n, n))
+    Z = np.zeros((n, n))
     for block, below, inverse, Y in _blocks(factor):
         if Y.size:
             column = Z[block.stop :, below] @ Y

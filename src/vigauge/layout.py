@@ -158,19 +158,6 @@ class Layout:
     def _identity(self) -> bool:
         return bool(np.array_equal(self.place, np.arange(len(self.place))))
 
-    def to_stored(self, keyframes: Array) -> Array:
-        """(9N, ...) in stored order, of quantities (N, 9, ...) by keyframe."""
-        if not self._identity:
-            ordered = np.empty_like(keyframes)
-            ordered[self.place] = keyframes
-            keyframes = ordered
-        return keyframes.reshape(self.size, *keyframes.shape[2:])
-
-    def from_stored(self, vector: Array) -> Array:
-        """(N, 9, ...) by keyframe, of quantities (9N, ...) in stored order."""
-        blocks = vector.reshape(len(self.place), 9, *vector.shape[1:])
-        return blocks if self._identity else blocks[self.place]
-
     def diagonal(self, storage: Array) -> Array:
         """(9N,) view of the diagonal, stored order."""
         return storage[:: self.stride + 1][: self.size]

@@ -20,8 +20,8 @@ from .problem import Problem
 from .so3 import Array
 from .state import State
 
-# Landmarks whose blocks are made together: a few megabytes.
-_AT_ONCE = 1000
+# Entries of G that are gathered at a time: two megabytes.
+_AT_ONCE = 250_000
 
 
 def keyframe_covariances(
@@ -65,7 +65,7 @@ def landmark_covariances(
     # Landmarks with equally many pairs together, not too many at a time.
     for count in np.unique(end - first):
         alike = np.flatnonzero(end - first == count)
-        for some in np.array_split(alike, 1 + len(alike) // _AT_ONCE):
+        for some in np.array_split(alike, 1 + len(alike) * (6 * int(count)) ** 2 // _AT_ONCE):
             pairs = first[some, None] + np.arange(count)
             G = _held_blocks(reduced, projection, wanted[some], pairs, W[pairs].reshape(len(some), -1, 3))
             out[some] = projection.apply_blocks(G, n_motion + 3 * wanted[some, None] + np.arange(3))

@@ -161,9 +161,10 @@ class NormalEquations:
 
         smallest = [1.0]
         if s.pieces:
+            others = workers.map(apart, s.pieces[1:])
             # The first piece goes where it belongs, and of short problems it is the only one.
             smallest.append(take_out(s.pieces[0], 0, storage, gradient))
-            for pivot, stored, share, of_piece in workers.map(apart, s.pieces[1:]):
+            for pivot, stored, share, of_piece in others:
                 smallest.append(pivot)
                 storage[stored] += share
                 gradient += of_piece

@@ -41,7 +41,7 @@ class Structure:
     run_start, run_view : (R + 1,) first observation of each run, (R,) keyframe * C + camera
     observation : (M,) number of each observation in the problem
     obs_landmark : (M,) landmark of each observation
-    obs_pair : (M,) its pair q, or the complement ~q where another camera comes first in the pair
+    obs_pair : (M,) its pair q, or the complement ~q where one before has begun the pair
     """
 
     n_keyframes: int

@@ -93,7 +93,8 @@ def run_window(task: WindowTask, options: Options, prior_weight: float) -> list[
         sequence = read_sequence(task.folder)
         problem, t_ns, _ = build_problem(sequence, biases, task.settings)
         recorded = read_ground_truth(task.folder / "mav0" / task.truth)
-        truth = without_steps(recorded, find_steps(recorded, sequence.imu)).states_at(t_ns)
+        steps = find_steps(recorded, sequence.imu, task.settings.gravity_mps2)
+        truth = without_steps(recorded, steps).states_at(t_ns)
     except VigaugeError as error:
         return [_refused(about, "front-end", f"{type(error).__name__}: {error}")]
     about |= {"keyframes": problem.initial.n_keyframes, "landmarks": problem.initial.n_landmarks}

@@ -87,9 +87,29 @@ def test_one_wrong_sample_is_no_step():
     truth, samples = recording()
     p_W = truth.p_W.copy()
     p_W[60] += np.array([0.01, 0.0, 0.0])
-    found = find_steps(replace(truth, p_W=p_W), samples)
-    moved = without_steps(replace(truth, p_W=p_W), found)
-    assert np.abs(moved.p_W[80:] - moved.p_W[40] - truth.p_W[80:] + truth.p_W[40]).max() < 1e-3
+    assert find_steps(replace(truth, p_W=p_W), samples) == ()
+
+
+@pytest.mark.parametrize("sigma_m", [1e-4, 2e-4, 3e-4, 5e-4, 2e-3])
+@pytest.mark.parametrize("outlier_m", [0.0, 1e-3])
+def test_noise_of_the_truth_is_no_step(sigma_m, outlier_m):
+    """Catches a limit that the truth's own noise exceeds: what is taken out adds up."""
+    truth, samples = recording(count=4000)
+    noise = np.random.default_rng(1).normal(0.0, sigma_m, truth.p_W.shape)
+    noise[2000, 0] += outlier_m
+    assert find_steps(replace(truth, p_W=truth.p_W + noise), samples) == ()
+
+
+@pytest.mark.parametrize("spacings_ms", [(4, 10), (5, 5, 10), (5, 6), (2, 10)])
+@pytest.mark.parametrize("row", [60, 61, 62])
+def test_uneven_stamps_give_the_size_of_the_step(spacings_ms, row):
+    """Catches a step judged by the length of the interval after it."""
+    truth, samples = recording(1_000_000, 2000)
+    rows = np.concatenate([[0], np.cumsum(np.tile(spacings_ms, 2000 // sum(spacings_ms)))])[:-1]
+    sparse = GroundTruth(truth.t_ns[rows], truth.p_W[rows], truth.R_WB[rows], truth.v_W[rows])
+    (step,) = find_steps(stepped(sparse, row, np.array([0.0, 0.01, 0.0])), samples)
+    assert step.t_ns == sparse.t_ns[row]
+    assert step.shift_W == pytest.approx([0.0, 0.01, 0.0], abs=3e-4)
 
 
 @pytest.mark.parametrize("spacing_ns", [50_000_000, 20_000_000])

@@ -69,7 +69,7 @@ def _check_steps(name: str, truth: GroundTruth, samples: ImuSamples, out: Findin
     """Jumps of the position that the accelerometer rules out; the front-end evaluates without them."""
     steps = find_steps(truth, samples)
     if steps is None:
-        out.skip(f"steps of {name}", "its samples are too far apart")
+        out.skip(f"steps of {name}", "its samples are too far apart, or imu0 does not cover them")
         return
     longest = max((step.length_m for step in steps), default=0.0)
     out.fact(name, steps=[step.t_ns for step in steps], longest_step_m=longest)

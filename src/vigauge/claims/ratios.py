@@ -163,7 +163,11 @@ def _on_one_trajectory(ratios: pd.Series, outside: pd.Series, case: str) -> tupl
     (tolerance, believed noise, integration, alignment) is the same for all, and left out.
     """
     trajectory = case.split("_")[0]
-    names = [v for v in ratios.index if "=" in v and not v.startswith("function_tolerance")]
+    names = [
+        v
+        for v in ratios.index
+        if all("=" in part and not part.startswith("function_tolerance") for part in v.split(", "))
+    ]
     table = outside.unstack("experiment")
     own = [name for name in table.columns if name.split("_")[0] == trajectory]
     counts = table.loc[names, own].sum(axis=1) + table.loc[AS_CONFIGURED].drop(own).sum()
@@ -255,7 +259,7 @@ def _explain_path(number: Number, e: Experiments) -> str:
     values = e.squared_path(label, int(step), number.quantity)
     reason = OTHER_TRIALS if label == "free" else SQUARED
     if _rounding(values, number.published):
-        return f"{SQUARED}; {ROUNDING}"
+        return f"{reason}; {ROUNDING}"
     if not is_outside(float(values.median()) / number.published if number.published else float("nan")):
         return reason
     if values.min() <= number.published <= values.max():

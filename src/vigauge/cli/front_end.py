@@ -35,7 +35,7 @@ def work(options: argparse.Namespace) -> None:
         if count:
             LOG.warning("%s: %s: %d", sequence.name, what.replace("_", " "), count)
     problem, t_ns, report = build_problem(sequence, biases, settings, progress=True)
-    steps = find_steps(truth, sequence.imu)
+    steps = find_steps(truth, sequence.imu, settings.gravity_mps2)
     inside = steps_between(steps, int(t_ns[0]), int(t_ns[-1]))
     for step in inside:
         LOG.warning(

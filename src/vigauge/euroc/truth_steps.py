@@ -19,8 +19,9 @@ from .ground_truth import GroundTruth
 # of bias, gravity or axes comes near.
 LONGEST_SPACING_NS = 10_500_000
 SMALLEST_M = 1e-3
-# A step makes two errors of opposite sign, one after the other: their sum over their difference.
-_BALANCE = 0.5
+# A step is so many times the usual change between samples; it makes two changes of opposite sign, of which
+# the sum is at most so much of the difference; and next to them changes are below so much of the limit.
+_ABOVE_NOISE, _BALANCE, _CALM = 6.0, 0.5, 0.4
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class TruthStep:
 def find_steps(
     truth: GroundTruth, samples: ImuSamples, gravity: float = 9.81
 ) -> tuple[TruthStep, ...] | None:
-    """Steps of a millimetre or more, in order of time; None where the truth's samples are too far apart.
+    """Steps of a millimetre or more, in order of time; None where no samples are near enough and covered.
 
     At each sample the change of velocity between the two intervals around it is set against the specific
     force, turned into the world by the truth's rotation, plus gravity (m/s^2). Biases are left in: over 10 ms
@@ -52,26 +53,30 @@ def find_steps(
     covered = (t_ns[1:-1] >= samples.t_ns[0]) & (t_ns[1:-1] <= samples.t_ns[-1])
     if not np.any(dense & covered):
         return None
-    error = _jumps(truth, samples, gravity)
-    large = np.linalg.norm(error, axis=1) > SMALLEST_M
-    large &= dense & covered
-    before, after = error[:-1], error[1:]
+    change, spacing_s = _unexpected_change(truth, samples, gravity), np.diff(t_ns)[:, None] * 1e-9
+    tested = dense & covered
+    size = np.linalg.norm(change * spacing_s[1:], axis=1)
+    # A truth with noise of its own changes its velocity all the time.
+    limit = max(SMALLEST_M, _ABOVE_NOISE * float(np.median(size[tested])))
+    # Both changes that a step makes are those of the interval that it lies in.
+    before, after = change[:-1] * spacing_s[1:-1], change[1:] * spacing_s[1:-1]
+    large = (np.linalg.norm(before, axis=1) > limit) & (np.linalg.norm(after, axis=1) > limit)
     opposite = np.linalg.norm(before + after, axis=1) < _BALANCE * np.linalg.norm(before - after, axis=1)
-    # Large errors next to the two are an outlier's, or of something else that is no single step.
-    around = np.pad(large, 2)
+    # Where there is a third change next to the two, a sample is wrong, or something else is no single step.
+    around = np.pad(tested & (size > _CALM * limit), 2)
     alone = ~around[1:-4] & ~around[4:-1]
-    found = np.flatnonzero(large[:-1] & large[1:] & opposite & alone)
+    found = np.flatnonzero(tested[:-1] & tested[1:] & large & opposite & alone)
     return tuple(TruthStep(int(t_ns[k + 2]), 0.5 * (before[k] - after[k])) for k in found)
 
 
-def _jumps(truth: GroundTruth, samples: ImuSamples, gravity: float) -> Array:
-    """(M - 2, 3) by how much the next sample is further than the force lets expect, m."""
+def _unexpected_change(truth: GroundTruth, samples: ImuSamples, gravity: float) -> Array:
+    """(M - 2, 3) change of velocity at each inner sample less what the specific force lets expect, m/s."""
     h = np.diff(truth.t_ns)[:, None] * 1e-9
     velocity = np.diff(truth.p_W, axis=0) / h
     inner = truth.t_ns[1:-1]
     force = np.column_stack([np.interp(inner, samples.t_ns, samples.accel[:, a]) for a in range(3)])
     acceleration = np.einsum("mij,mj->mi", truth.R_WB[1:-1], force) - np.array([0.0, 0.0, gravity])
-    return (np.diff(velocity, axis=0) - 0.5 * (h[:-1] + h[1:]) * acceleration) * h[1:]
+    return np.diff(velocity, axis=0) - 0.5 * (h[:-1] + h[1:]) * acceleration
 
 
 def without_steps(truth: GroundTruth, steps: tuple[TruthStep, ...] | None) -> GroundTruth:

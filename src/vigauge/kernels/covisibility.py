@@ -145,8 +145,7 @@ def arrange(
             j = order[place]
             previous = -1
             for m in range(begin[j], begin[j + 1]):
-                fresh = keyframe[m] != previous
-                if fresh:
+                if keyframe[m] != previous:
                     previous = keyframe[m]
                     pair_keyframe[pairs] = previous
                     pair_row[pairs] = row[previous]
@@ -156,14 +155,20 @@ def arrange(
                 at[view] += 1
                 observation[target] = m
                 obs_landmark[target] = j
-                # The complement marks a pair that another camera has begun.
-                obs_pair[target] = pairs - 1 if fresh else ~(pairs - 1)
+                obs_pair[target] = pairs - 1
             landmark_pair[place + 1] = pairs
         for n in range(touched):
             at[views[n]] = 0
         group_run[g + 1] = runs
         group_seen[g + 1] = width
     run_start[runs] = taken
+    # The complement marks a pair that an observation before, in this order, has begun.
+    begun = np.zeros(pairs, dtype=np.bool_)
+    for m in range(taken):
+        pair = obs_pair[m]
+        if begun[pair]:
+            obs_pair[m] = ~pair
+        begun[pair] = True
     return pairs, runs, width
 
 

@@ -53,7 +53,8 @@ def _factorise(j: int, landmark: Array, damping: Array, gradient: Array, factor:
     half[j, 1] = f10 * g0 + f11 * g1
     half[j, 2] = f20 * g0 + f21 * g1 + f22 * g2
     # A NaN is no pivot either.
-    return min(p1 / d1, p2 / d2) if d0 > 0.0 and p1 > 0.0 and p2 > 0.0 else -1.0
+    r1, r2 = p1 / d1, p2 / d2
+    return min(r1, r2) if d0 > 0.0 and r1 > 0.0 and r2 > 0.0 else -1.0
 
 
 @kernel
