@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -103,3 +108,28 @@ def test_predicted_decrease_is_that_of_the_model():
     H = J.T @ J
     x = np.linalg.solve(H + np.diag(D), -g)
     assert damping.predicted_decrease(g, D, x) == pytest.approx(-(g @ x + 0.5 * x @ H @ x), rel=1e-12)
+
+
+_SOLVE = """
+import hashlib
+from support.random_problem import random_problem
+from vigauge.gauge import FreeGauge
+from vigauge.levenberg_marquardt import solve
+s = solve(random_problem(4, n_keyframes=12, n_landmarks=60), FreeGauge()).state
+print(hashlib.sha256(b"".join(a.tobytes() for a in (s.p_W, s.R_WB, s.v_W, s.X_W))).hexdigest())
+"""
+
+
+def test_the_process_that_compiles_computes_what_later_ones_do(tmp_path):
+    """Catches kernels that call each other as functions of their own: while they are compiled the one that is
+    called is another piece of machine code than the copy that is kept on disk, and last digits differ."""
+    tests = Path(__file__).parent
+    environment = dict(os.environ) | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(tests)}
+    found = [
+        subprocess.run(
+            [sys.executable, "-c", _SOLVE], env=environment, capture_output=True, text=True, check=True
+        ).stdout
+        for _ in range(2)
+    ]
+    assert list(tmp_path.rglob("*.nbi"))
+    assert found[0] == found[1] != ""

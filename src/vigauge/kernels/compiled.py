@@ -14,6 +14,9 @@ FLAGS: dict[str, Any] = {
     "nogil": True,
     # Division by zero gives infinity as in NumPy: a trial step may put a landmark at depth zero.
     "error_model": "numpy",
+    # One kernel inside another becomes part of it. Else the process that compiles both calls the one's own
+    # code, later ones the copy on disk, and the last digits differ.
+    "forceinline": True,
     # Fused multiply-add and sums in any order are allowed; infinities and NaN keep their meaning.
     "fastmath": {"contract", "reassoc", "nsz"},
 }
