@@ -121,7 +121,7 @@ class Layout:
     @property
     def reordered(self) -> bool:
         """Whether keyframes were renumbered to make the band."""
-        return not self._identity
+        return not np.array_equal(self.place, np.arange(len(self.place)))
 
     @property
     def size(self) -> int:
@@ -153,10 +153,6 @@ class Layout:
         out = np.empty(self.size, dtype=np.int64)
         out[self.columns] = self.column[:, None] + np.arange(9)
         return out
-
-    @cached_property
-    def _identity(self) -> bool:
-        return bool(np.array_equal(self.place, np.arange(len(self.place))))
 
     def diagonal(self, storage: Array) -> Array:
         """(9N,) view of the diagonal, stored order."""

@@ -448,8 +448,9 @@ def test_flaw_of_a_published_truth_is_found_from_data(euroc_root: Path) -> None:
     assert len(about) == 1 and TRUTH in about[0]
     assert not found.of("error")
     # MH_01: nothing but the jumps that its positions are known for.
-    assert {f.check for f in check_sequence(euroc_root / "MH_01_easy").of("warning")} == {"truth steps"}
-    assert not check_sequence(euroc_root / "MH_01_easy").of("error")
+    other = check_sequence(euroc_root / "MH_01_easy")
+    assert {f.check for f in other.of("warning")} == {"truth steps"}
+    assert not other.of("error")
 
 
 @pytest.mark.euroc

@@ -60,6 +60,7 @@ def order_landmarks(
 
     Two passes of a counting sort; what is equal stays in the problem's order.
     """
+    order[:] = np.arange(len(order))
     by_last = np.empty_like(order)
     for key, source, target in ((last, order, by_last), (first, by_last, order)):
         at = np.zeros(len(number) + 1, dtype=np.int64)
@@ -67,8 +68,7 @@ def order_landmarks(
             at[key[j] + 1] += 1
         for n in range(len(number)):
             at[n + 1] += at[n]
-        for n in range(len(key)):
-            j = n if target is by_last else source[n]
+        for j in source:
             target[at[key[j]]] = j
             at[key[j]] += 1
     group_landmark[:] = 0
