@@ -11,9 +11,11 @@ from support.dense import dense_jacobian, dense_residual
 from support.random_problem import random_problem
 from support.simulated import estimate, trial
 from vigauge.errors import SolverError
+from vigauge.kernels.lanes import LANES
 from vigauge.layout import motion_columns
 from vigauge.normal_equations import NormalEquations, linearise
 from vigauge.problem import Problem
+from vigauge.residuals import cost
 
 NO_COLUMNS = np.empty(0, dtype=np.int64)
 
@@ -48,41 +50,83 @@ def test_two_cameras_of_one_keyframe_share_a_block():
     problem = random_problem(3)
     structure = linearise(problem, problem.initial).structure
     pairs = set(zip(problem.obs_landmark.tolist(), problem.obs_keyframe.tolist(), strict=True))
-    assert len(structure.pair_keyframe) == len(pairs) < len(problem.obs_uv)
+    assert len(structure.pairs.keyframe) == len(pairs) < len(problem.obs_uv)
 
 
 def test_groups_take_every_landmark_once():
-    """Catches landmarks between two groups: short tracks over many keyframes need several."""
+    """Catches landmarks between two groups or batches: short tracks over many keyframes need several."""
     problem = random_problem(4, n_keyframes=60, n_landmarks=6000, window=3)
-    structure = linearise(problem, problem.initial).structure
-    assert structure.n_groups > 5
-    assert np.array_equal(np.sort(structure.order), np.arange(structure.n_landmarks))
-    for g in range(structure.n_groups):
-        members = structure.order[structure.group_landmark[g] : structure.group_landmark[g + 1]]
-        keyframes = structure.seen[structure.group_seen[g] : structure.group_seen[g + 1]]
-        pairs = np.flatnonzero(np.isin(structure.pair_landmark, members))
-        assert np.array_equal(keyframes[structure.pair_row[pairs]], structure.pair_keyframe[pairs])
-        assert np.array_equal(np.unique(structure.pair_keyframe[pairs]), keyframes)
+    s = problem.structure
+    batches = s.batches
+    assert s.n_groups > 5
+    assert np.array_equal(np.sort(batches.order), np.arange(s.n_landmarks))
+    assert (batches.batch_begin[0], batches.batch_begin[-1]) == (0, s.n_landmarks)
+    assert set(np.diff(batches.batch_begin).tolist()) <= set(range(1, LANES + 1))
+    batch, lane = s.landmark_place
+    assert np.array_equal(batches.order[batches.batch_begin[batch] + lane], np.arange(s.n_landmarks))
+    for g in range(s.n_groups):
+        keyframes = s.seen[s.group_seen[g] : s.group_seen[g + 1]]
+        cells = slice(*batches.batch_cell[[s.group_batch[g], s.group_batch[g + 1]]])
+        assert np.array_equal(keyframes[batches.cell_row[cells]], batches.cell_keyframe[cells])
+        assert np.array_equal(np.unique(batches.cell_keyframe[cells]), keyframes)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
-def test_runs_have_one_view_and_take_every_observation_once(seed):
-    """Catches an observation summed with the camera or the pose of another view, or into another pair."""
+def test_every_observation_has_a_lane_of_its_own(seed):
+    """Catches an observation summed with the camera, the pose or the landmark of another."""
     problem = random_problem(seed, n_keyframes=30, n_landmarks=3000, window=3)
     s = problem.structure
-    assert np.array_equal(np.sort(s.observation), np.arange(len(problem.obs_uv)))
-    view = np.repeat(s.run_view, np.diff(s.run_start))
-    n_cameras = len(problem.cameras)
-    assert np.array_equal(view // n_cameras, problem.obs_keyframe[s.observation])
-    assert np.array_equal(view % n_cameras, problem.obs_camera[s.observation])
-    assert np.array_equal(s.obs_landmark, problem.obs_landmark[s.observation])
-    pair = np.where(s.obs_pair < 0, ~s.obs_pair, s.obs_pair)
-    assert np.array_equal(s.pair_keyframe[pair], problem.obs_keyframe[s.observation])
-    assert np.array_equal(s.pair_landmark[pair], problem.obs_landmark[s.observation])
-    # Each pair is begun once, before its other observations.
-    assert np.array_equal(np.sort(pair[s.obs_pair >= 0]), np.arange(len(s.pair_keyframe)))
-    _, first = np.unique(pair, return_index=True)
-    assert np.all(s.obs_pair[first] >= 0)
+    batches = s.batches
+    assert len(np.unique(s.obs_place)) == len(problem.obs_uv)
+    view, lane = np.divmod(s.obs_place, LANES)
+    cell = np.searchsorted(batches.cell_view, view, side="right") - 1
+    batch = np.searchsorted(batches.batch_cell, cell, side="right") - 1
+    assert np.array_equal(batches.view_camera[view], problem.obs_camera)
+    assert np.array_equal(batches.cell_keyframe[cell], problem.obs_keyframe)
+    assert np.array_equal(batches.order[batches.batch_begin[batch] + lane], problem.obs_landmark)
+    pairs = s.pairs
+    assert np.array_equal(pairs.keyframe, batches.cell_keyframe[pairs.cell])
+    assert np.array_equal(np.searchsorted(pairs.landmark, np.arange(s.n_landmarks + 1)), pairs.begin)
+
+
+def test_a_landmark_may_be_seen_twice_by_one_camera():
+    """Catches the second observation of a view put in the first one's place: two matches of one landmark."""
+    problem = random_problem(3)
+    names = ("keyframe", "camera", "landmark", "uv")
+    again = np.repeat(np.arange(len(problem.obs_uv)), np.where(np.arange(len(problem.obs_uv)) % 3, 1, 2))
+    doubled = replace(problem, **{f"obs_{name}": getattr(problem, f"obs_{name}")[again] for name in names})
+    moved = doubled.obs_uv + np.random.default_rng(0).normal(size=doubled.obs_uv.shape)
+    doubled = replace(doubled, obs_uv=moved)
+    equations = linearise(doubled, doubled.initial)
+    J, r = dense_jacobian(doubled, doubled.initial), dense_residual(doubled, doubled.initial)
+    assert np.allclose(equations.dense(), J.T @ J, rtol=1e-12, atol=1e-6)
+    assert np.allclose(equations.gradient, J.T @ r, rtol=1e-12, atol=1e-6)
+    assert cost(doubled, doubled.initial) == pytest.approx(0.5 * r @ r, rel=1e-12)
+
+
+def test_who_does_not_see_a_landmark_may_be_anywhere():
+    """Catches a division by zero in an empty lane: a landmark in the image plane of a keyframe that does not
+    see it, beside landmarks that it does see."""
+    problem = random_problem(4, n_keyframes=15, n_landmarks=40, window=4)
+    batches = problem.structure.batches
+    j, k = next(
+        (j, k)
+        for j in batches.order[: batches.batch_begin[1]].tolist()
+        for k in batches.cell_keyframe[: batches.batch_cell[1]].tolist()
+        if k > 0 and k not in problem.obs_keyframe[problem.obs_landmark == j]
+    )
+    # The camera in the body's place, so that the depth is zero to the last digit.
+    camera = replace(problem.cameras[0], R_BC=np.eye(3), p_BC=np.zeros(3))
+    problem = replace(problem, cameras=(camera,) * len(problem.cameras))
+    state = problem.initial
+    p_W, R_WB, X_W = state.p_W.copy(), state.R_WB.copy(), state.X_W.copy()
+    p_W[k], R_WB[k], X_W[j] = 0.0, np.eye(3), [1.0, 2.0, 0.0]
+    there = replace(state, p_W=p_W, R_WB=R_WB, X_W=X_W)
+    equations = linearise(problem, there)
+    J, r = dense_jacobian(problem, there), dense_residual(problem, there)
+    J /= (scale := np.linalg.norm(J, axis=0))
+    assert np.allclose(equations.dense() / scale[:, None] / scale, J.T @ J, atol=1e-12)
+    assert cost(problem, there) == pytest.approx(0.5 * r @ r, rel=1e-12)
 
 
 def test_cameras_of_a_keyframe_may_come_in_any_order():
@@ -163,8 +207,7 @@ def test_couplings_are_those_of_the_blocks():
     n = 9 * state.n_keyframes
     H = equations.dense()
     V = np.random.default_rng(0).normal(size=(3 * state.n_landmarks, 4))
-    F = reduced.factor
-    assert np.allclose(F.swapaxes(1, 2) @ F, np.linalg.inv(equations.landmark), rtol=1e-9)
+    assert np.allclose(reduced.landmark_inverses(), np.linalg.inv(equations.landmark), rtol=1e-9)
     motion, gram = reduced.couple(V)
     expected = np.linalg.solve(H[n:, n:], V)
     assert np.allclose(motion, H[:n, n:] @ expected, rtol=1e-9, atol=1e-9)

@@ -110,6 +110,7 @@ def test_observations_of_a_landmark_must_be_ordered_by_keyframe():
     ("field", "change", "rule"),
     [
         ("first", lambda a: _with(a, 1, 4), "0..3"),
+        ("second", lambda a: _with(a, 1, PROBLEM.inertial.first[1]), "join two"),
         ("second", lambda a: _with(a, 1, -1), "0..3"),
         ("dp", lambda a: _with(a, 1, np.nan), "finite"),
         ("dR", lambda a: a[:-1], "shape"),

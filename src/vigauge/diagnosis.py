@@ -332,10 +332,10 @@ def _weak_scale(
 
 def _rays(equations: NormalEquations, state: State) -> tuple[Array, Array]:
     """(K,) distance of each landmark from the mean of its observers, and the (K, 3) unit rays."""
-    pairs = equations.structure
+    pairs = equations.structure.pairs
     total = np.zeros((state.n_landmarks, 3))
-    np.add.at(total, pairs.pair_landmark, state.p_W[pairs.pair_keyframe])
-    views = np.bincount(pairs.pair_landmark, minlength=state.n_landmarks)
+    np.add.at(total, pairs.landmark, state.p_W[pairs.keyframe])
+    views = np.bincount(pairs.landmark, minlength=state.n_landmarks)
     ray = state.X_W - total / views[:, None]
     distance = np.linalg.norm(ray, axis=1)
     return distance, ray / np.maximum(distance, np.finfo(float).tiny)[:, None]

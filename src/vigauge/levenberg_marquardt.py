@@ -290,7 +290,7 @@ class _Run:
     def _must_stop(self) -> Status | None:
         if len(self.trace) > self.options.maximum_iterations:
             return Status.ITERATION_LIMIT
-        if self.trace[-1].accepted and np.max(np.abs(self.gradient)) <= self.options.gradient_tolerance:
+        if self.trace[-1].accepted and np.abs(self.gradient).max() <= self.options.gradient_tolerance:
             return Status.GRADIENT_TOLERANCE
         if self.region.radius <= self.options.minimum_radius:
             return Status.RADIUS_COLLAPSED

@@ -15,7 +15,7 @@ from .covariance import GaugeProjection
 from .errors import DataError
 from .gauge import Gauge
 from .layout import Index
-from .normal_equations import ReducedSystem, linearise
+from .normal_equations import coupling_blocks, linearise
 from .problem import Problem
 from .so3 import Array
 from .state import State
@@ -59,29 +59,24 @@ def landmark_covariances(
     reduced = linearise(problem, state).eliminate()
     projection = GaugeProjection.of(reduced, state, gauge, problem.initial, landmarks=True)
     s, n_motion = reduced.structure, 9 * state.n_keyframes
-    W = reduced.couplings.blocks()
-    first, end = s.landmark_pair[s.rank[wanted]], s.landmark_pair[s.rank[wanted] + 1]
+    W, inverses = coupling_blocks(s, reduced.couplings), reduced.landmark_inverses()
+    first, end = s.pairs.begin[wanted], s.pairs.begin[wanted + 1]
     out = np.empty((len(wanted), 3, 3))
     # Landmarks with equally many pairs together, not too many at a time.
     for count in np.unique(end - first):
         alike = np.flatnonzero(end - first == count)
         for some in np.array_split(alike, 1 + len(alike) * (6 * int(count)) ** 2 // _AT_ONCE):
             pairs = first[some, None] + np.arange(count)
-            G = _held_blocks(reduced, projection, wanted[some], pairs, W[pairs].reshape(len(some), -1, 3))
+            columns = s.columns[s.pairs.keyframe[pairs], :6].reshape(len(some), -1)
+            motion = projection.inverse.blocks(columns)
+            G = _held_blocks(inverses[wanted[some]], motion, W[pairs].reshape(len(some), -1, 3))
             out[some] = projection.apply_blocks(G, n_motion + 3 * wanted[some, None] + np.arange(3))
     return out
 
 
-def _held_blocks(
-    reduced: ReducedSystem, projection: GaugeProjection, landmarks: Index, pairs: Index, W: Array
-) -> Array:
+def _held_blocks(inverse: Array, motion: Array, W: Array) -> Array:
     """(m, 3, 3) blocks of G: C^-1 + C^-1 W^T G_m W C^-1, over the keyframes that see each landmark."""
-    s = reduced.structure
-    columns = s.columns[s.pair_keyframe[pairs], :6].reshape(len(landmarks), -1)
-    F = reduced.factor[landmarks]
-    inverse = F.swapaxes(1, 2) @ F
-    motion = W.swapaxes(1, 2) @ projection.inverse.blocks(columns) @ W
-    return inverse + inverse @ motion @ inverse
+    return inverse + inverse @ (W.swapaxes(1, 2) @ motion @ W) @ inverse
 
 
 def _checked(name: str, wanted: Sequence[int] | Index | None, count: int) -> Index:

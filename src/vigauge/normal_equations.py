@@ -11,9 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from . import so3
 from .errors import DegenerateError, SolverError
 from .kernels import inertial as inertial_kernels
 from .kernels import schur, visual
+from .kernels.lanes import LANES
+from .kernels.schur import Couplings
 from .layout import Index, Layout, by_keyframe, by_kind
 from .problem import Problem
 from .residuals import camera_rotations, first_rotation_chain, inertial_inputs
@@ -23,34 +26,15 @@ from .structure import Structure
 from .workers import ALONE, Workers
 
 
-@dataclass(frozen=True)
-class Couplings:
-    """The 6 x 3 blocks W of all pairs, each kept as the six numbers of one 3 x 3 matrix.
-
-    Attributes
-    ----------
-    information : (P, 6) upper triangle of M = J_l^T J_l, see :mod:`vigauge.kernels.visual`
-    p_W, X_W : (N, 3) and (K, 3) positions of the keyframes and landmarks, m
-    chain : (3, 3) J_l(dphi_0), Eq. (9)
-    """
-
-    structure: Structure
-    information: Array
-    p_W: Array
-    X_W: Array
-    chain: Array
-
-    @property
-    def inputs(self) -> tuple[Array, Array, Array, Array]:
-        """What the kernels make a block from."""
-        return self.information, self.p_W, self.X_W, self.chain
-
-    def blocks(self) -> Array:
-        """(P, 6, 3) blocks of (position and rotation, landmark), in the structure's order of pairs."""
-        s = self.structure
-        out = np.empty((len(s.pair_keyframe), 6, 3))
-        schur.couplings(*self.inputs, s.order, s.landmark_pair, s.pair_keyframe, out)
-        return out
+def coupling_blocks(structure: Structure, W: Couplings) -> Array:
+    """(P, 6, 3) blocks W = -[M; hat(ray) M] of (position and rotation, landmark), one a pair."""
+    pairs = structure.pairs
+    M = W.information.reshape(-1, 6, LANES)[pairs.cell, :, pairs.lane][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    ray = W.X_W[pairs.landmark] - W.p_W[pairs.keyframe]
+    out = np.concatenate([-M, -so3.hat(ray) @ M], axis=1)
+    first = pairs.keyframe == 0
+    out[first, 3:] = W.chain.T @ out[first, 3:]
+    return out
 
 
 @dataclass(frozen=True)
@@ -60,7 +44,7 @@ class NormalEquations:
     Attributes
     ----------
     storage : motion block A, as ``structure.layout`` stores it
-    couplings : the blocks W
+    couplings : what the blocks W are made from
     landmark : (K, 3, 3) blocks C
     motion_gradient, landmark_gradient : (9N,) in stored order and (K, 3), the parts of g = J^T r
     """
@@ -93,14 +77,14 @@ class NormalEquations:
         """H x of a vector x (9N + 3K,), from the blocks."""
         s = self.structure
         n_motion = s.layout.size
-        W, pair_landmark = self.couplings.blocks(), s.pair_landmark
+        W, pairs = coupling_blocks(s, self.couplings), s.pairs
         landmark = vector[n_motion:].reshape(-1, 3)
         out = self.motion @ vector[:n_motion]
         pose = vector[s.columns[:, :6]]
-        rows = s.columns[s.pair_keyframe, :6]
-        np.add.at(out, rows, np.einsum("pij,pj->pi", W, landmark[pair_landmark]))
+        rows = s.columns[pairs.keyframe, :6]
+        np.add.at(out, rows, np.einsum("pij,pj->pi", W, landmark[pairs.landmark]))
         across = np.einsum("kij,kj->ki", self.landmark, landmark)
-        np.add.at(across, pair_landmark, np.einsum("pij,pi->pj", W, pose[s.pair_keyframe]))
+        np.add.at(across, pairs.landmark, np.einsum("pij,pi->pj", W, pose[pairs.keyframe]))
         return np.concatenate([out, across.ravel()])
 
     def with_prior(self, columns: Index, residual: Array, jacobian: Array) -> NormalEquations:
@@ -128,19 +112,16 @@ class NormalEquations:
         else:
             layout.diagonal(storage)[layout.stored] += damping[: layout.size]
             landmark_damping = damping[layout.size :].reshape(-1, 3)
-        factor, half_gradient = np.empty_like(self.landmark), np.empty_like(self.landmark_gradient)
+        factor, half_gradient = np.empty((s.n_batches, 6 * LANES)), np.empty((s.n_batches, 3 * LANES))
 
         def take_out(piece: tuple[int, int], base: int, into: Array, gradient: Array) -> float:
             return schur.eliminate(
-                *self.couplings.inputs,
+                self.couplings,
                 self.landmark,
                 landmark_damping,
                 self.landmark_gradient,
-                s.group_landmark,
-                s.order,
-                s.landmark_pair,
-                s.pair_keyframe,
-                s.pair_row,
+                s.batches,
+                s.group_batch,
                 s.group_seen,
                 s.seen,
                 layout.column,
@@ -183,9 +164,9 @@ class NormalEquations:
         n_motion = 9 * s.n_keyframes
         H = np.zeros((n_motion + 3 * s.n_landmarks,) * 2)
         H[:n_motion, :n_motion] = self.motion
-        rows = s.columns[s.pair_keyframe, :6][:, :, None]
-        columns = (n_motion + 3 * s.pair_landmark[:, None] + np.arange(3))[:, None, :]
-        W = self.couplings.blocks()
+        rows = s.columns[s.pairs.keyframe, :6][:, :, None]
+        columns = (n_motion + 3 * s.pairs.landmark[:, None] + np.arange(3))[:, None, :]
+        W = coupling_blocks(s, self.couplings)
         H[rows, columns] = W
         H[columns, rows] = W
         index = n_motion + np.arange(3 * s.n_landmarks).reshape(-1, 3)
@@ -198,8 +179,8 @@ class ReducedSystem:
     """Reduced camera system S dx = -b, and what back-substitution needs.
 
     ``storage`` S, as ``structure.layout`` stores it; ``motion_gradient`` (9N,) b in stored order;
-    ``couplings`` W; ``factor`` (K, 3, 3) F, lower triangular with F^T F = C^-1; ``half_gradient``
-    (K, 3) F g_landmark.
+    ``couplings`` W; ``factor`` (B, 6 LANES) F, lower triangular by columns with F^T F = C^-1, and
+    ``half_gradient`` (B, 3 LANES) F g_landmark, by batches of landmarks.
     """
 
     structure: Structure
@@ -235,12 +216,10 @@ class ReducedSystem:
         step = np.empty(layout.size + 3 * s.n_landmarks)
         step[: layout.size] = motion[layout.stored]
         schur.back_substitute(
-            *self.couplings.inputs,
+            self.couplings,
             self.factor,
             self.half_gradient,
-            s.order,
-            s.landmark_pair,
-            s.pair_keyframe,
+            s.batches,
             layout.column,
             motion,
             step[layout.size :].reshape(-1, 3),
@@ -251,27 +230,25 @@ class ReducedSystem:
         """W C^-1 V (9N, 4) and V^T C^-1 V (4, 4) of landmark columns V (3K, 4)."""
         s = self.structure
         out, gram = np.zeros((s.n_keyframes, 9, 4)), np.zeros((4, 4))
-        schur.couple(
-            *self.couplings.inputs,
-            self.factor,
-            s.order,
-            s.landmark_pair,
-            s.pair_keyframe,
-            landmark.reshape(-1, 3, 4),
-            out,
-            gram,
-        )
+        schur.couple(self.couplings, self.factor, s.batches, landmark.reshape(-1, 3, 4), out, gram)
         return by_kind(out), gram
+
+    def landmark_inverses(self) -> Array:
+        """(K, 3, 3) C^-1 = F^T F."""
+        batch, lane = self.structure.landmark_place
+        F = np.zeros((self.structure.n_landmarks, 3, 3))
+        row, column = np.array([0, 1, 2, 1, 2, 2]), np.array([0, 0, 0, 1, 1, 2])
+        F[:, row, column] = self.factor.reshape(-1, 6, LANES)[batch, :, lane]
+        return F.swapaxes(1, 2) @ F
 
     def through_landmarks(self, landmark: Array, motion: Array) -> Array:
         """C^-1 (V - W^T Y) of landmark columns V (3K, c) and motion columns Y (9N, c): (3K, c)."""
         s = self.structure
-        pose = by_keyframe(motion, s.n_keyframes)[s.pair_keyframe, :6]
-        coupled = np.empty((s.n_landmarks, 3, motion.shape[1]))
-        W_T_Y = self.couplings.blocks().swapaxes(1, 2) @ pose
-        coupled[s.order] = np.add.reduceat(W_T_Y, s.landmark_pair[:-1], axis=0)
-        half = self.factor @ (landmark.reshape(coupled.shape) - coupled)
-        return (self.factor.swapaxes(1, 2) @ half).reshape(landmark.shape)
+        pose = by_keyframe(motion, s.n_keyframes)[s.pairs.keyframe, :6]
+        W_T_Y = coupling_blocks(s, self.couplings).swapaxes(1, 2) @ pose
+        coupled = np.add.reduceat(W_T_Y, s.pairs.begin[:-1], axis=0)
+        step = self.landmark_inverses() @ (landmark.reshape(coupled.shape) - coupled)
+        return step.reshape(landmark.shape)
 
 
 def _weakest(landmark: Array) -> int:
@@ -298,7 +275,7 @@ def linearise(
     s = problem.structure
     layout, cameras = s.layout, problem.camera_arrays
     rotations = camera_rotations(problem, state) if R_CW is None else R_CW
-    information: Array = np.empty((len(s.pair_keyframe), 6)) if spent is None else spent.couplings.information
+    information: Array = np.empty((s.n_cells, 6 * LANES)) if spent is None else spent.couplings.information
     landmark: Array = np.empty((s.n_landmarks, 3, 3)) if spent is None else spent.landmark
     landmark_gradient = np.empty((s.n_landmarks, 3)) if spent is None else spent.landmark_gradient
 
@@ -310,22 +287,14 @@ def linearise(
             rotations,
             cameras["p_CB"],
             cameras["intrinsics"],
-            1.0 / problem.sigma_px,
-            s.group_landmark,
-            s.order,
-            s.landmark_pair,
-            s.group_run,
-            s.run_start,
-            s.run_view,
-            s.obs_pair,
-            s.obs_landmark,
-            problem.ordered_uv,
-            *piece,
+            s.batches,
+            problem.pixels,
+            int(s.group_batch[piece[0]]),
+            int(s.group_batch[piece[1]]),
             information,
             landmark,
             landmark_gradient,
             pose,
-            np.empty(visual.BLOCK),
         )
         return pose
 
@@ -335,7 +304,7 @@ def linearise(
     chain = first_rotation_chain(state)
     visual.spread_poses(pose, chain, layout.column, layout.stride, storage, gradient)
     _add_inertial(problem, state, layout, chain, storage, gradient)
-    couplings = Couplings(s, information, state.p_W, state.X_W, chain)
+    couplings = Couplings(information, state.p_W, state.X_W, chain)
     return NormalEquations(s, storage, couplings, landmark, gradient, landmark_gradient)
 
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from .camera import Camera
 from .errors import DataError
 from .imu import Preintegrated
-from .kernels.covisibility import gather_pixels
+from .kernels.covisibility import spread_pixels
+from .kernels.lanes import LANES
 from .so3 import Array
 from .state import State
 from .structure import Structure
@@ -43,8 +44,8 @@ class InertialFactors:
     ``dt`` (F,) s, ``dp`` (F, 3) m, ``dR`` (F, 3, 3), ``dv`` (F, 3) m/s; ``covariance``
     (F, 9, 9) in the order (dp, rotation, dv).
 
-    Raises DataError for other shapes, non-finite numbers, times that are not positive, or
-    covariances that are not positive definite.
+    Raises DataError for other shapes, non-finite numbers, a keyframe joined with itself, times that
+    are not positive, or covariances that are not positive definite.
     """
 
     first: NDArray[np.int64]
@@ -72,6 +73,11 @@ class InertialFactors:
             if array.shape != shape:
                 raise DataError("inertial factors", f"must have shape {shape}", field=name, value=array.shape)
             _require_finite("inertial factors", name, array)
+        if np.any(self.first == self.second):
+            row = int(np.argmax(self.first == self.second))
+            value = int(self.second[row])
+            rule = "must join two keyframes"
+            raise DataError("inertial factors", rule, field="second", row=row, value=value)
         if count and self.dt.min() <= 0.0:
             row = int(np.argmin(self.dt))
             raise DataError(
@@ -227,10 +233,10 @@ class Problem:
         )
 
     @cached_property
-    def ordered_uv(self) -> Array:
-        """(2, M) pixels in the structure's order of observations."""
-        out = np.empty((2, len(self.obs_uv)))
-        gather_pixels(self.obs_uv, self.structure.observation, out)
+    def pixels(self) -> Array:
+        """(V, 3 LANES) u, v and 1 / sigma of the observations of every view, zero where there is none."""
+        out = np.zeros((self.structure.n_views, 3 * LANES))
+        spread_pixels(self.obs_uv, 1.0 / self.sigma_px, self.structure.obs_place, out)
         return out
 
     @cached_property

@@ -59,7 +59,6 @@ class Evaluation:
 
 def evaluate(problem: Problem, state: State) -> Evaluation:
     """The cost of Eq. (1), no residual kept. It is not finite where a landmark has depth zero."""
-    s = problem.structure
     cameras = problem.camera_arrays
     R_CW = camera_rotations(problem, state)
     squares, lengths = visual_kernels.cost(
@@ -68,11 +67,8 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
         R_CW,
         cameras["p_CB"],
         cameras["intrinsics"],
-        1.0 / problem.sigma_px,
-        s.run_start,
-        s.run_view,
-        s.obs_landmark,
-        problem.ordered_uv,
+        problem.structure.batches,
+        problem.pixels,
     )
     squares += inertial_kernels.cost(*inertial_inputs(problem, state))
     count = len(problem.obs_uv)

@@ -8,15 +8,30 @@ from functools import cached_property
 import numpy as np
 
 from .kernels import covisibility
-from .kernels.visual import Unsigned
+from .kernels.lanes import LANES, Batches
 from .layout import Index, Layout
 
 # What a group adds to the products of its landmarks, in multiplications (measured): neighbouring
 # groups are joined while that saves work.
 CALL_COST = 20_000.0
 
-# Observations in a piece of a loop that may run on another core: a millisecond's work.
+# Observations, empty lanes too, in a piece of a loop that may run on another core: half a millisecond's work.
 PIECE = 40_000
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """The P pairs of a landmark and a keyframe that sees it, in the problem's order.
+
+    ``landmark``, ``keyframe`` (P,); ``begin`` (K + 1,) first pair of each landmark; ``cell`` and
+    ``lane`` (P,) where the kernels keep the pair.
+    """
+
+    landmark: Index
+    keyframe: Index
+    begin: Index
+    cell: Index
+    lane: Index
 
 
 @dataclass(frozen=True)
@@ -24,42 +39,28 @@ class Structure:
     """Which observations meet: fixed for a problem, whatever the state.
 
     A group is made of landmarks that are first seen by neighbouring keyframes, and so by few
-    keyframes in all: their W C^-1 W^T is one dense product over those. Landmarks, and with them
-    the (landmark, keyframe) pairs, stand in the order of groups. Within a group observations
-    stand by view, which is a camera at a keyframe; one view's are a run.
+    keyframes in all: their W C^-1 W^T is one dense product over those. Its landmarks are taken in
+    batches, side by side.
 
     Attributes
     ----------
     layout : storage of the motion block
-    order : (K,) landmark at each place of that order
-    group_landmark : (G + 1,) first place of each group
-    landmark_pair : (K + 1,) first pair of the landmark at each place
-    pair_keyframe : (P,) keyframe of each pair
-    pair_row : (P,) place of that keyframe among those of the group
+    batches : who sees what, as the kernels run through it
+    group_batch : (G + 1,) first batch of each group
     group_seen, seen : (G + 1,) where each group's keyframes begin, and the keyframes
-    group_run : (G + 1,) first run of each group
-    run_start, run_view : (R + 1,) first observation of each run, (R,) keyframe * C + camera
-    observation : (M,) number of each observation in the problem
-    obs_landmark : (M,) landmark of each observation
-    obs_pair : (M,) its pair q, or the complement ~q where one before has begun the pair
+    obs_place : (M,) view * LANES + lane of each observation of the problem
     """
 
     n_keyframes: int
     n_landmarks: int
     layout: Layout
-    order: Index
-    group_landmark: Index
-    landmark_pair: Index
-    pair_keyframe: Index
-    pair_row: Index
+    batches: Batches
+    group_batch: Index
     group_seen: Index
     seen: Index
-    group_run: Index
-    run_start: Index
-    run_view: Index
-    observation: Index
-    obs_landmark: Unsigned
-    obs_pair: Index
+    obs_place: Index
+    obs_keyframe: Index
+    obs_landmark: Index
 
     @classmethod
     def of(
@@ -81,75 +82,85 @@ class Structure:
         first, last, number = (np.empty(size, dtype=np.int64) for size in (k, k, n))
         covisibility.spans(keyframe, landmark, layout.place, first, last)
         count = covisibility.join(first, last, n, CALL_COST, number)
-        group_landmark, group_run, group_seen = np.empty((3, count + 1), dtype=np.int64)
-        order, landmark_pair = np.empty(k, dtype=np.int64), np.empty(k + 1, dtype=np.int64)
+        group_landmark, group_batch, group_seen = np.empty((3, count + 1), dtype=np.int64)
+        order, begin = np.empty(k, dtype=np.int64), np.empty(k + 1, dtype=np.int64)
         covisibility.order_landmarks(first, last, number, count, group_landmark, order)
-        pair_keyframe, pair_row, observation, obs_pair = np.empty((4, m), dtype=np.int64)
-        obs_landmark = np.empty(m, dtype=np.uint32)
-        run_start, run_view, seen = np.empty((3, m + 1), dtype=np.int64)
-        pairs, runs, width = covisibility.arrange(
-            keyframe,
-            camera,
-            landmark,
-            n,
-            n_cameras,
-            group_landmark,
-            order,
-            landmark_pair,
-            pair_keyframe,
-            pair_row,
-            observation,
-            obs_pair,
-            obs_landmark,
-            group_run,
-            run_start,
-            run_view,
-            group_seen,
-            seen,
+        n_batches = covisibility.begin_batches(group_landmark, group_batch, begin)
+        batch_cell = np.empty(n_batches + 1, dtype=np.int64)
+        cell_keyframe, cell_row, view_camera, obs_place, seen = np.empty((5, m), dtype=np.int64)
+        cell_view = np.empty(m + 1, dtype=np.int64)
+        found = Batches(
+            order, begin[: n_batches + 1], batch_cell, cell_keyframe, cell_row, cell_view, view_camera
+        )
+        cells, views, width = covisibility.arrange(
+            keyframe, camera, landmark, n, n_cameras, group_batch, found, obs_place, group_seen, seen
         )
         return cls(
             n_keyframes=n,
             n_landmarks=k,
             layout=layout,
-            order=order,
-            group_landmark=group_landmark,
-            landmark_pair=landmark_pair,
-            pair_keyframe=pair_keyframe[:pairs],
-            pair_row=pair_row[:pairs],
+            batches=found._replace(
+                cell_keyframe=cell_keyframe[:cells],
+                cell_row=cell_row[:cells],
+                cell_view=cell_view[: cells + 1],
+                view_camera=view_camera[:views],
+            ),
+            group_batch=group_batch,
             group_seen=group_seen,
             seen=seen[:width],
-            group_run=group_run,
-            run_start=run_start[: runs + 1],
-            run_view=run_view[:runs],
-            observation=observation,
-            obs_landmark=obs_landmark,
-            obs_pair=obs_pair,
+            obs_place=obs_place,
+            obs_keyframe=keyframe,
+            obs_landmark=landmark,
         )
 
     @property
     def n_groups(self) -> int:
-        return len(self.group_landmark) - 1
+        return len(self.group_batch) - 1
+
+    @property
+    def n_batches(self) -> int:
+        return len(self.batches.batch_begin) - 1
+
+    @property
+    def n_cells(self) -> int:
+        return len(self.batches.cell_keyframe)
+
+    @property
+    def n_views(self) -> int:
+        return len(self.batches.view_camera)
 
     @cached_property
-    def pair_landmark(self) -> Index:
-        """(P,) landmark of each pair."""
-        return np.repeat(self.order, np.diff(self.landmark_pair))
+    def pairs(self) -> Pairs:
+        """The pairs, for whatever is no sum over observations."""
+        starts = np.ones(len(self.obs_place), dtype=bool)
+        starts[1:] = (np.diff(self.obs_landmark) != 0) | (np.diff(self.obs_keyframe) != 0)
+        landmark, place = self.obs_landmark[starts], self.obs_place[starts]
+        view_cell = np.repeat(np.arange(self.n_cells), np.diff(self.batches.cell_view))
+        return Pairs(
+            landmark=landmark,
+            keyframe=self.obs_keyframe[starts],
+            begin=np.searchsorted(landmark, np.arange(self.n_landmarks + 1)),
+            cell=view_cell[place // LANES],
+            lane=place % LANES,
+        )
 
     @cached_property
-    def rank(self) -> Index:
-        """(K,) place of each landmark in the order of groups."""
-        out = np.empty_like(self.order)
-        out[self.order] = np.arange(self.n_landmarks)
-        return out
+    def landmark_place(self) -> tuple[Index, Index]:
+        """(K,) batch and lane of each landmark."""
+        batches = self.batches
+        place = np.empty_like(batches.order)
+        place[batches.order] = np.arange(self.n_landmarks)
+        batch = np.searchsorted(batches.batch_begin, place, side="right") - 1
+        return batch, place - batches.batch_begin[batch]
 
     @cached_property
     def pieces(self) -> tuple[tuple[int, int], ...]:
-        """Ranges of groups with about equally many observations each, whatever the number of cores."""
-        total = len(self.observation)
+        """Ranges of groups with about equally much work each, whatever the number of cores."""
+        total = self.n_views * LANES
         count = max(1, round(total / PIECE))
         if count == 1:
             return ((0, self.n_groups),) if self.n_groups else ()
-        begins = self.run_start[self.group_run]
+        begins = LANES * self.batches.cell_view[self.batches.batch_cell[self.group_batch]]
         ends = np.unique(np.searchsorted(begins, total * np.arange(1, count) / count))
         bounds = [0, *ends.tolist(), self.n_groups]
         return tuple((lo, hi) for lo, hi in zip(bounds[:-1], bounds[1:], strict=True) if lo < hi)

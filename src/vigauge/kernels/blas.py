@@ -32,7 +32,7 @@ _TRANSPOSED = np.frombuffer(b"T", dtype=np.uint8)
 # Width of the panels that a triangle is made of. Panels of that width cost a third more products
 # than the triangle has, and yet half the time of dsyrk where BLAS has kernels for small matrices
 # (measured, AVX-512); elsewhere a tenth more.
-_PANEL = 24
+_PANEL = 8
 
 
 @kernel

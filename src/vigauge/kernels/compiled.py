@@ -24,8 +24,21 @@ FLAGS: dict[str, Any] = {
 
 def kernel(function: F) -> F:
     """``function`` as machine code without the interpreter's lock, kept on disk where that can be written."""
+    return _compiled(function, FLAGS)
+
+
+def part(function: F) -> F:
+    """A kernel that makes no array: a part of others, most of all.
+
+    Numba then leaves out the counting of references to the arrays it is given (``_nrt``, as its own
+    functions do), which costs as much as a small loop.
+    """
+    return _compiled(function, FLAGS | {"_nrt": False})
+
+
+def _compiled(function: F, flags: dict[str, Any]) -> F:
     try:
-        return cast(F, numba.njit(cache=True, **FLAGS)(function))
+        return cast(F, numba.njit(cache=True, **flags)(function))
     except RuntimeError as error:  # neither this folder nor the user's cache folder
-        warnings.warn(f"kernels are compiled anew in every process: {error}", stacklevel=2)
-        return cast(F, numba.njit(**FLAGS)(function))
+        warnings.warn(f"kernels are compiled anew in every process: {error}", stacklevel=3)
+        return cast(F, numba.njit(**flags)(function))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..so3 import Array
-from .compiled import kernel
-from .visual import Index, Unsigned
+from .compiled import kernel, part
+from .lanes import LANES, Batches, Index
 
 
 @kernel
@@ -78,6 +78,20 @@ def order_landmarks(
         group_landmark[g + 1] += group_landmark[g]
 
 
+@part
+def begin_batches(group_landmark: Index, group_batch: Index, begin: Index) -> int:
+    """Batches within groups: first of each group, first place of each batch; how many there are."""
+    count = 0
+    for g in range(len(group_landmark) - 1):
+        group_batch[g] = count
+        for place in range(group_landmark[g], group_landmark[g + 1], LANES):
+            begin[count] = place
+            count += 1
+    group_batch[len(group_landmark) - 1] = count
+    begin[count] = group_landmark[len(group_landmark) - 1]
+    return count
+
+
 @kernel
 def arrange(
     keyframe: Index,
@@ -85,95 +99,88 @@ def arrange(
     landmark: Index,
     n_keyframes: int,
     n_cameras: int,
-    group_landmark: Index,
-    order: Index,
-    landmark_pair: Index,
-    pair_keyframe: Index,
-    pair_row: Index,
-    observation: Index,
-    obs_pair: Index,
-    obs_landmark: Unsigned,
-    group_run: Index,
-    run_start: Index,
-    run_view: Index,
+    group_batch: Index,
+    batches: Batches,
+    obs_place: Index,
     group_seen: Index,
     seen: Index,
 ) -> tuple[int, int, int]:
-    """Fill the arrays of :class:`vigauge.structure.Structure`; how many pairs, runs and ``seen`` there are.
+    """Fill the arrays of :class:`vigauge.structure.Structure`; how many cells, views and ``seen`` there are.
 
-    Observations come ordered by landmark, then keyframe. Those of a group are ordered anew by
-    view, which is a camera at a keyframe: a run has one view.
+    Observations come ordered by landmark, then keyframe. A landmark that a camera sees twice from
+    one keyframe takes two views.
     """
-    begin = np.zeros(len(order) + 1, dtype=np.int64)
+    order, batch_begin, batch_cell, cell_keyframe, cell_row, cell_view, view_camera = batches
+    n_landmarks = len(order)
+    start = np.zeros(n_landmarks + 1, dtype=np.int64)
     for m in range(len(landmark)):
-        begin[landmark[m] + 1] += 1
-    for j in range(len(order)):
-        begin[j + 1] += begin[j]
-    at = np.zeros(n_keyframes * n_cameras, dtype=np.int64)
-    row = np.zeros(n_keyframes, dtype=np.int64)
-    views = np.empty(n_keyframes * n_cameras, dtype=np.int64)
-    pairs, runs, width, taken = 0, 0, 0, 0
-    landmark_pair[0] = 0
-    group_run[0] = 0
-    group_seen[0] = 0
-    for g in range(len(group_landmark) - 1):
-        touched = 0
-        for place in range(group_landmark[g], group_landmark[g + 1]):
-            j = order[place]
-            for m in range(begin[j], begin[j + 1]):
-                view = keyframe[m] * n_cameras + camera[m]
-                if at[view] == 0:
-                    views[touched] = view
-                    touched += 1
-                at[view] += 1
-        views[:touched].sort()
-        previous = -1
-        for n in range(touched):
-            view = views[n]
-            run_start[runs] = taken
-            run_view[runs] = view
-            runs += 1
-            count = at[view]
-            at[view] = taken
-            taken += count
-            if view // n_cameras != previous:
-                previous = view // n_cameras
-                row[previous] = width - group_seen[g]
-                seen[width] = previous
-                width += 1
-        for place in range(group_landmark[g], group_landmark[g + 1]):
-            j = order[place]
+        start[landmark[m] + 1] += 1
+    for j in range(n_landmarks):
+        start[j + 1] += start[j]
+    # Of a camera at a keyframe: views that the batch needs, the first of them; who was last, and how often.
+    need = np.zeros(n_keyframes * n_cameras, dtype=np.int64)
+    first = np.empty(n_keyframes * n_cameras, dtype=np.int64)
+    latest = np.full(n_keyframes * n_cameras, -1)
+    times = np.empty(n_keyframes * n_cameras, dtype=np.int64)
+    touched = np.empty(n_keyframes * n_cameras, dtype=np.int64)
+    row = np.full(n_keyframes, -1)
+    cells, views, width = 0, 0, 0
+    for g in range(len(group_batch) - 1):
+        group_seen[g] = width
+        first_cell = cells
+        for b in range(group_batch[g], group_batch[g + 1]):
+            count = 0
+            for place in range(batch_begin[b], batch_begin[b + 1]):
+                j = order[place]
+                for m in range(start[j], start[j + 1]):
+                    at = keyframe[m] * n_cameras + camera[m]
+                    if latest[at] != j:
+                        latest[at], times[at] = j, 0
+                    obs_place[m] = times[at]
+                    times[at] += 1
+                    if need[at] == 0:
+                        touched[count] = at
+                        count += 1
+                    need[at] = max(need[at], times[at])
+            touched[:count].sort()
+            batch_cell[b] = cells
             previous = -1
-            for m in range(begin[j], begin[j + 1]):
-                if keyframe[m] != previous:
-                    previous = keyframe[m]
-                    pair_keyframe[pairs] = previous
-                    pair_row[pairs] = row[previous]
-                    pairs += 1
-                view = keyframe[m] * n_cameras + camera[m]
-                target = at[view]
-                at[view] += 1
-                observation[target] = m
-                obs_landmark[target] = j
-                obs_pair[target] = pairs - 1
-            landmark_pair[place + 1] = pairs
-        for n in range(touched):
-            at[views[n]] = 0
-        group_run[g + 1] = runs
-        group_seen[g + 1] = width
-    run_start[runs] = taken
-    # The complement marks a pair that an observation before, in this order, has begun.
-    begun = np.zeros(pairs, dtype=np.bool_)
-    for m in range(taken):
-        pair = obs_pair[m]
-        if begun[pair]:
-            obs_pair[m] = ~pair
-        begun[pair] = True
-    return pairs, runs, width
+            for at in touched[:count]:
+                k = at // n_cameras
+                if k != previous:
+                    previous = k
+                    cell_keyframe[cells], cell_view[cells] = k, views
+                    cells += 1
+                    if row[k] < 0:
+                        row[k] = 0
+                        seen[width] = k
+                        width += 1
+                first[at] = views
+                for _ in range(need[at]):
+                    view_camera[views] = at % n_cameras
+                    views += 1
+                need[at] = 0
+            for place in range(batch_begin[b], batch_begin[b + 1]):
+                j = order[place]
+                for m in range(start[j], start[j + 1]):
+                    view = first[keyframe[m] * n_cameras + camera[m]] + obs_place[m]
+                    obs_place[m] = view * LANES + place - batch_begin[b]
+        of_group = seen[group_seen[g] : width]
+        of_group.sort()
+        for i in range(len(of_group)):
+            row[of_group[i]] = i
+        for cell in range(first_cell, cells):
+            cell_row[cell] = row[cell_keyframe[cell]]
+        row[of_group] = -1
+    batch_cell[group_batch[len(group_batch) - 1]] = cells
+    cell_view[cells] = views
+    group_seen[len(group_batch) - 1] = width
+    return cells, views, width
 
 
-@kernel
-def gather_pixels(uv: Array, observation: Index, out: Array) -> None:
-    """Pixels (M, 2) in another order of observations, u and v apart: ``out`` (2, M)."""
-    for m in range(len(observation)):
-        out[0, m], out[1, m] = uv[observation[m], 0], uv[observation[m], 1]
+@part
+def spread_pixels(uv: Array, weight: float, obs_place: Index, out: Array) -> None:
+    """Pixels (M, 2) and their weight to the lanes of their views: zeroed ``out`` (V, 3 LANES)."""
+    for m in range(len(obs_place)):
+        view, lane = obs_place[m] // LANES, obs_place[m] % LANES
+        out[view, lane], out[view, LANES + lane], out[view, 2 * LANES + lane] = uv[m, 0], uv[m, 1], weight

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ..so3 import Array
-from .compiled import kernel
+from .compiled import part
 
 
-@kernel
+@part
 def clamped(
     diagonal: Array, scale_squared: Array, lowest: float, highest: float, radius: float, out: Array
 ) -> None:
@@ -16,7 +16,7 @@ def clamped(
         out[i] = scaled / (scale_squared[i] * radius)
 
 
-@kernel
+@part
 def predicted_decrease(gradient: Array, damping: Array, step: Array) -> float:
     """-(g dx + dx H dx / 2), with H dx = -g - D dx on the columns that move."""
     decrease = 0.0

@@ -6,11 +6,14 @@ import numpy as np
 
 from ..so3 import Array
 from . import rotation
-from .compiled import kernel
-from .visual import Index
+from .compiled import kernel, part
+from .lanes import Index
+
+# Length of a row of J: 18 columns and the error, in whole vectors of eight.
+_ROW = 24
 
 
-@kernel
+@part
 def _error(
     i: int,
     j: int,
@@ -103,7 +106,7 @@ def cost(
     return squares
 
 
-@kernel
+@part
 def _jacobian(
     dt: float, R_i: Array, R_j: Array, shift: Array, change: Array, inverse: Array, J: Array
 ) -> None:
@@ -154,9 +157,11 @@ def accumulate(
     ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
     """
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
-    inverse, J, W_J = np.empty((3, 3)), np.zeros((9, 18)), np.empty((9, 18))
-    error, white = np.empty(9), np.empty(9)
-    at = np.empty(18, dtype=np.int64)
+    # Column 18 is the error, so that J^T J holds the gradient too.
+    inverse, J = np.empty((3, 3)), np.zeros((9, _ROW))
+    W_J, product = np.empty((9, _ROW)), np.empty((18, _ROW))
+    # As long as a row, but not a constant, of which the compiler would make single instructions.
+    width = _ROW - 9 + whitener.shape[1]
     for f in range(len(dt)):
         i, j = first[f], second[f]
         _error(i, j, dt[f], dp[f], dR[f], dv[f], gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
@@ -169,33 +174,35 @@ def accumulate(
                     x, y, z = J[a, 9 * side + 3], J[a, 9 * side + 4], J[a, 9 * side + 5]
                     for b in range(3):
                         J[a, 9 * side + 3 + b] = x * chain[0, b] + y * chain[1, b] + z * chain[2, b]
-            for a in range(9):
-                at[9 * side + a] = column[k] + a
         for a in range(3):
-            error[a], error[3 + a], error[6 + a] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
+            J[a, 18], J[3 + a, 18], J[6 + a, 18] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
         W_J[:] = 0.0
         for a in range(9):
-            value = 0.0
             for b in range(a + 1):
                 w = whitener[f, a, b]
-                value += w * error[b]
-                for c in range(18):
+                for c in range(width):
                     W_J[a, c] += w * J[b, c]
-            white[a] = value
-        for side in range(2):
-            k = i if side == 0 else j
-            for b in range(9):
-                value = 0.0
-                for a in range(9):
-                    value += W_J[a, 9 * side + b] * white[a]
-                gradient[column[k] + b] += value
-        for c in range(18):
+        product[:] = 0.0
+        for a in range(9):
             for r in range(18):
-                if at[r] >= at[c]:
-                    value = 0.0
-                    for a in range(9):
-                        value += W_J[a, r] * W_J[a, c]
-                    storage[at[c] * stride + at[r]] += value
+                w = W_J[a, r]
+                for c in range(width):
+                    product[r, c] += w * W_J[a, c]
+        for c in range(9):
+            gradient[column[i] + c] += product[c, 18]
+            gradient[column[j] + c] += product[9 + c, 18]
+            at, end = (column[i] + c) * stride + column[i], (column[j] + c) * stride + column[j]
+            for r in range(c, 9):
+                storage[at + r] += product[c, r]
+                storage[end + r] += product[9 + c, 9 + r]
+            if column[i] < column[j]:
+                at = (column[i] + c) * stride + column[j]
+                for r in range(9):
+                    storage[at + r] += product[c, 9 + r]
+            else:
+                at = (column[j] + c) * stride + column[i]
+                for r in range(9):
+                    storage[at + r] += product[9 + c, r]
         # The entries that the first keyframe's chain filled in may be always zero for the next factor.
         if i == 0 or j == 0:
             J[:] = 0.0

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from ..so3 import SERIES_ANGLE, Array
-from .compiled import kernel
+from .compiled import kernel, part
 
 SERIES_SQUARED = SERIES_ANGLE**2
 
 
-@kernel
+@part
 def _polynomial(linear: float, quadratic: float, phi: Array, sign: float, out: Array) -> None:
     """out = I + linear * hat(sign phi) + quadratic * hat(phi)^2."""
     x, y, z = phi[0], phi[1], phi[2]
@@ -28,7 +28,7 @@ def _polynomial(linear: float, quadratic: float, phi: Array, sign: float, out: A
     out[2, 1] = quadratic * y * z + s * x
 
 
-@kernel
+@part
 def exp(phi: Array, out: Array) -> None:
     """Rotation matrix of a rotation vector."""
     squared = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
@@ -40,7 +40,7 @@ def exp(phi: Array, out: Array) -> None:
     _polynomial(linear, 0.5 * half * half, phi, 1.0, out)
 
 
-@kernel
+@part
 def left_jacobian(phi: Array, out: Array) -> None:
     """J_l(phi): Exp(phi + d) = Exp(J_l d) Exp(phi)."""
     t = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
@@ -55,7 +55,7 @@ def left_jacobian(phi: Array, out: Array) -> None:
     _polynomial(0.5 * half * half, cubic, phi, 1.0, out)
 
 
-@kernel
+@part
 def right_jacobian_inverse(phi: Array, out: Array) -> None:
     """J_r(phi)^-1 = J_l(-phi)^-1."""
     t = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
@@ -69,7 +69,7 @@ def right_jacobian_inverse(phi: Array, out: Array) -> None:
     _polynomial(-0.5, coefficient, phi, -1.0, out)
 
 
-@kernel
+@part
 def log(R: Array, out: Array) -> None:
     """Rotation vector of length at most pi of a rotation matrix (Shepperd's quaternion)."""
     xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]

@@ -1,164 +1,171 @@
-"""Elimination of landmarks: factors of their blocks, couplings, the reduced system, back-substitution.
+"""Elimination of landmarks: factors of their blocks, the reduced system, back-substitution.
 
 The coupling of a keyframe at p and a landmark at X is W = -[M; hat(ray) M] with ray = X - p (see
 :mod:`.visual`): it is made from the six numbers of M wherever it is needed, which costs less than
-to read its eighteen from memory. Pairs stand in the order of groups; what a landmark has one of
-stands in the problem's order, so ``order`` gives the landmark of each place among the groups.
+to read its eighteen from memory. Loops run over cells, see :mod:`.lanes`.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ..so3 import Array
 from . import blas
-from .compiled import kernel
-from .visual import Index
-
-# Landmarks whose couplings are multiplied together: few enough for the first-level cache, and, being
-# neighbours in the order of groups, seen by nearly the same keyframes.
-_AT_ONCE = 32
+from .compiled import kernel, part
+from .lanes import LANES as L
+from .lanes import Batches, Index, gather_points
 
 
-@kernel
-def _factorise(j: int, landmark: Array, damping: Array, gradient: Array, factor: Array, half: Array) -> float:
+class Couplings(NamedTuple):
+    """What the couplings W are made from.
+
+    ``information`` (Q, 6 L) upper triangle of M of every cell; ``p_W`` (N, 3) and ``X_W`` (K, 3)
+    positions, m; ``chain`` (3, 3) J_l(dphi_0), Eq. (9).
+    """
+
+    information: Array
+    p_W: Array
+    X_W: Array
+    chain: Array
+
+
+# Rows of scratch: X (3), M (6); the batch's C (6), damping (3), g (3), F (6), F g (3), pivot (1); W F^T (18).
+_M, _C, _F, _HALF, _PIVOT, _W, _ROWS = 3 * L, 9 * L, 21 * L, 27 * L, 30 * L, 31 * L, 49
+
+
+@part
+def _load_cell(cell: int, information: Array, s: Array) -> None:
+    for i in range(information.shape[1]):
+        s[_M + i] = information[cell, i]
+
+
+@part
+def _load_factor(b: int, factor: Array, s: Array) -> None:
+    for i in range(factor.shape[1]):
+        s[_F + i] = factor[b, i]
+
+
+@part
+def _factorise(
+    first: int,
+    last: int,
+    order: Index,
+    landmark: Array,
+    damping: Array,
+    gradient: Array,
+    lanes: int,
+    s: Array,
+) -> float:
     """F with F^T F = (C + diag(damping))^-1, lower triangular, and F g; the smallest pivot over its diagonal.
 
-    Not positive where the block has no factor (F is then meaningless), a rounding error where it is singular.
+    Not positive where a block has no factor (F is then meaningless), a rounding error where it is singular.
     """
-    d0, d1, d2 = (
-        landmark[j, 0, 0] + damping[j, 0],
-        landmark[j, 1, 1] + damping[j, 1],
-        landmark[j, 2, 2] + damping[j, 2],
-    )
-    l00 = math.sqrt(d0)
-    f00 = 1.0 / l00
-    l10, l20 = landmark[j, 1, 0] * f00, landmark[j, 2, 0] * f00
-    p1 = d1 - l10 * l10
-    l11 = math.sqrt(p1)
-    f11 = 1.0 / l11
-    l21 = (landmark[j, 2, 1] - l20 * l10) * f11
-    p2 = d2 - l20 * l20 - l21 * l21
-    f22 = 1.0 / math.sqrt(p2)
-    f10 = -l10 * f00 * f11
-    f21 = -l21 * f11 * f22
-    f20 = -(l20 * f00 + l21 * f10) * f22
-    factor[j, 0, 0], factor[j, 0, 1], factor[j, 0, 2] = f00, 0.0, 0.0
-    factor[j, 1, 0], factor[j, 1, 1], factor[j, 1, 2] = f10, f11, 0.0
-    factor[j, 2, 0], factor[j, 2, 1], factor[j, 2, 2] = f20, f21, f22
-    g0, g1, g2 = gradient[j, 0], gradient[j, 1], gradient[j, 2]
-    half[j, 0] = f00 * g0
-    half[j, 1] = f10 * g0 + f11 * g1
-    half[j, 2] = f20 * g0 + f21 * g1 + f22 * g2
-    # A NaN is no pivot either.
-    r1, r2 = p1 / d1, p2 / d2
-    return min(r1, r2) if d0 > 0.0 and r1 > 0.0 and r2 > 0.0 else -1.0
+    for i in range(lanes):
+        j = order[min(first + i, last)]
+        s[_C + i], s[_C + L + i], s[_C + 2 * L + i] = landmark[j, 0, 0], landmark[j, 1, 0], landmark[j, 2, 0]
+        s[_C + 3 * L + i], s[_C + 4 * L + i] = landmark[j, 1, 1], landmark[j, 2, 1]
+        s[_C + 5 * L + i] = landmark[j, 2, 2]
+        for a in range(3):
+            s[_C + (6 + a) * L + i] = damping[j, a]
+            s[_C + (9 + a) * L + i] = gradient[j, a]
+    for i in range(lanes):
+        d0 = s[_C + i] + s[_C + 6 * L + i]
+        d1 = s[_C + 3 * L + i] + s[_C + 7 * L + i]
+        d2 = s[_C + 5 * L + i] + s[_C + 8 * L + i]
+        f00 = 1.0 / math.sqrt(d0)
+        l10, l20 = s[_C + L + i] * f00, s[_C + 2 * L + i] * f00
+        p1 = d1 - l10 * l10
+        f11 = 1.0 / math.sqrt(p1)
+        l21 = (s[_C + 4 * L + i] - l20 * l10) * f11
+        p2 = d2 - l20 * l20 - l21 * l21
+        f22 = 1.0 / math.sqrt(p2)
+        f10 = -l10 * f00 * f11
+        f21 = -l21 * f11 * f22
+        f20 = -(l20 * f00 + l21 * f10) * f22
+        g0, g1, g2 = s[_C + 9 * L + i], s[_C + 10 * L + i], s[_C + 11 * L + i]
+        s[_F + i], s[_F + L + i], s[_F + 2 * L + i] = f00, f10, f20
+        s[_F + 3 * L + i], s[_F + 4 * L + i], s[_F + 5 * L + i] = f11, f21, f22
+        s[_HALF + i] = f00 * g0
+        s[_HALF + L + i] = f10 * g0 + f11 * g1
+        s[_HALF + 2 * L + i] = f20 * g0 + f21 * g1 + f22 * g2
+        r1, r2 = p1 / d1, p2 / d2
+        least = r1 if r1 < r2 else r2
+        # A NaN is no pivot either.
+        s[_PIVOT + i] = least if d0 > 0.0 and r1 > 0.0 and r2 > 0.0 else -1.0
+    smallest = 1.0
+    for i in range(lanes):
+        smallest = min(smallest, s[_PIVOT + i])
+    return smallest
 
 
-@kernel
-def _coupling(m: Array, X: Array, p: Array, first: bool, chain: Array, W: Array) -> None:
-    """(6, 3) block of (position and rotation, landmark); ``first``: of keyframe 0, see Eq. (9)."""
-    x, y, z = X[0] - p[0], X[1] - p[1], X[2] - p[2]
-    W[0, 0], W[0, 1], W[0, 2] = -m[0], -m[1], -m[2]
-    W[1, 0], W[1, 1], W[1, 2] = -m[1], -m[3], -m[4]
-    W[2, 0], W[2, 1], W[2, 2] = -m[2], -m[4], -m[5]
-    for b in range(3):
-        u, v, w = W[0, b], W[1, b], W[2, b]
-        s, t, r = y * w - z * v, z * u - x * w, x * v - y * u
-        if first:
-            for a in range(3):
-                W[3 + a, b] = chain[0, a] * s + chain[1, a] * t + chain[2, a] * r
-        else:
-            W[3, b], W[4, b], W[5, b] = s, t, r
-
-
-@kernel
-def couplings(
-    information: Array,
-    p_W: Array,
-    X_W: Array,
-    chain: Array,
-    order: Index,
-    landmark_pair: Index,
-    pair_keyframe: Index,
-    out: Array,
-) -> None:
-    """Blocks W of all pairs into ``out`` (P, 6, 3), in the order of groups."""
-    for place in range(len(order)):
-        for q in range(landmark_pair[place], landmark_pair[place + 1]):
-            k = pair_keyframe[q]
-            _coupling(information[q], X_W[order[place]], p_W[k], k == 0, chain, out[q])
-
-
-@kernel
+@part
 def _spread(
-    place: int,
-    n: int,
+    cell: int,
+    k: int,
+    at: int,
     information: Array,
     p_W: Array,
-    X_W: Array,
     chain: Array,
-    order: Index,
-    landmark_pair: Index,
-    pair_keyframe: Index,
-    pair_row: Index,
-    factor: Array,
-    half: Array,
+    lanes: int,
+    s: Array,
     out: Array,
     taken: Array,
 ) -> None:
-    """W F^T of a landmark's pairs into rows 3n.. of ``out`` (., 6 w); W C^-1 g off ``taken`` (6 w,)."""
-    j = order[place]
-    X, Y, Z = X_W[j, 0], X_W[j, 1], X_W[j, 2]
-    f00, f10, f11 = -factor[j, 0, 0], -factor[j, 1, 0], -factor[j, 1, 1]
-    f20, f21, f22 = -factor[j, 2, 0], -factor[j, 2, 1], -factor[j, 2, 2]
-    h0, h1, h2 = half[j, 0], half[j, 1], half[j, 2]
-    for q in range(landmark_pair[place], landmark_pair[place + 1]):
-        k, at = pair_keyframe[q], 6 * pair_row[q]
-        x, y, z = X - p_W[k, 0], Y - p_W[k, 1], Z - p_W[k, 2]
-        m0, m1, m2 = information[q, 0], information[q, 1], information[q, 2]
-        m3, m4, m5 = information[q, 3], information[q, 4], information[q, 5]
-        u00, u10, u20 = m0 * f00, m1 * f00, m2 * f00
-        u01, u11, u21 = m0 * f10 + m1 * f11, m1 * f10 + m3 * f11, m2 * f10 + m4 * f11
-        u02 = m0 * f20 + m1 * f21 + m2 * f22
-        u12 = m1 * f20 + m3 * f21 + m4 * f22
-        u22 = m2 * f20 + m4 * f21 + m5 * f22
-        a0, a1, a2 = y * u20 - z * u10, z * u00 - x * u20, x * u10 - y * u00
-        b0, b1, b2 = y * u21 - z * u11, z * u01 - x * u21, x * u11 - y * u01
-        c0, c1, c2 = y * u22 - z * u12, z * u02 - x * u22, x * u12 - y * u02
-        if k == 0:
-            a0, a1, a2 = (
-                chain[0, 0] * a0 + chain[1, 0] * a1 + chain[2, 0] * a2,
-                chain[0, 1] * a0 + chain[1, 1] * a1 + chain[2, 1] * a2,
-                chain[0, 2] * a0 + chain[1, 2] * a1 + chain[2, 2] * a2,
-            )
-            b0, b1, b2 = (
-                chain[0, 0] * b0 + chain[1, 0] * b1 + chain[2, 0] * b2,
-                chain[0, 1] * b0 + chain[1, 1] * b1 + chain[2, 1] * b2,
-                chain[0, 2] * b0 + chain[1, 2] * b1 + chain[2, 2] * b2,
-            )
-            c0, c1, c2 = (
-                chain[0, 0] * c0 + chain[1, 0] * c1 + chain[2, 0] * c2,
-                chain[0, 1] * c0 + chain[1, 1] * c1 + chain[2, 1] * c2,
-                chain[0, 2] * c0 + chain[1, 2] * c1 + chain[2, 2] * c2,
-            )
-        out[3 * n, at], out[3 * n, at + 1], out[3 * n, at + 2] = u00, u10, u20
-        out[3 * n, at + 3], out[3 * n, at + 4], out[3 * n, at + 5] = a0, a1, a2
-        out[3 * n + 1, at], out[3 * n + 1, at + 1], out[3 * n + 1, at + 2] = u01, u11, u21
-        out[3 * n + 1, at + 3], out[3 * n + 1, at + 4], out[3 * n + 1, at + 5] = b0, b1, b2
-        out[3 * n + 2, at], out[3 * n + 2, at + 1], out[3 * n + 2, at + 2] = u02, u12, u22
-        out[3 * n + 2, at + 3], out[3 * n + 2, at + 4], out[3 * n + 2, at + 5] = c0, c1, c2
-        taken[at] -= u00 * h0 + u01 * h1 + u02 * h2
-        taken[at + 1] -= u10 * h0 + u11 * h1 + u12 * h2
-        taken[at + 2] -= u20 * h0 + u21 * h1 + u22 * h2
-        taken[at + 3] -= a0 * h0 + b0 * h1 + c0 * h2
-        taken[at + 4] -= a1 * h0 + b1 * h1 + c1 * h2
-        taken[at + 5] -= a2 * h0 + b2 * h1 + c2 * h2
+    """W F^T of a cell into columns ``at``.. of ``out``, three rows a landmark; W C^-1 g off ``taken``."""
+    px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
+    _load_cell(cell, information, s)
+    for i in range(lanes):
+        x, y, z = s[i] - px, s[L + i] - py, s[2 * L + i] - pz
+        f00, f10, f20 = -s[_F + i], -s[_F + L + i], -s[_F + 2 * L + i]
+        f11, f21, f22 = -s[_F + 3 * L + i], -s[_F + 4 * L + i], -s[_F + 5 * L + i]
+        m0, m1, m2 = s[_M + i], s[_M + L + i], s[_M + 2 * L + i]
+        m3, m4, m5 = s[_M + 3 * L + i], s[_M + 4 * L + i], s[_M + 5 * L + i]
+        u, v, w = m0 * f00, m1 * f00, m2 * f00
+        s[_W + i], s[_W + L + i], s[_W + 2 * L + i] = u, v, w
+        s[_W + 3 * L + i], s[_W + 4 * L + i], s[_W + 5 * L + i] = y * w - z * v, z * u - x * w, x * v - y * u
+        u, v, w = m0 * f10 + m1 * f11, m1 * f10 + m3 * f11, m2 * f10 + m4 * f11
+        s[_W + 6 * L + i], s[_W + 7 * L + i], s[_W + 8 * L + i] = u, v, w
+        s[_W + 9 * L + i], s[_W + 10 * L + i] = y * w - z * v, z * u - x * w
+        s[_W + 11 * L + i] = x * v - y * u
+        u = m0 * f20 + m1 * f21 + m2 * f22
+        v = m1 * f20 + m3 * f21 + m4 * f22
+        w = m2 * f20 + m4 * f21 + m5 * f22
+        s[_W + 12 * L + i], s[_W + 13 * L + i], s[_W + 14 * L + i] = u, v, w
+        s[_W + 15 * L + i], s[_W + 16 * L + i] = y * w - z * v, z * u - x * w
+        s[_W + 17 * L + i] = x * v - y * u
+    if k == 0:
+        for b in range(3):
+            for i in range(lanes):
+                row = _W + (6 * b + 3) * L + i
+                u, v, w = s[row], s[row + L], s[row + 2 * L]
+                s[row] = chain[0, 0] * u + chain[1, 0] * v + chain[2, 0] * w
+                s[row + L] = chain[0, 1] * u + chain[1, 1] * v + chain[2, 1] * w
+                s[row + 2 * L] = chain[0, 2] * u + chain[1, 2] * v + chain[2, 2] * w
+    t0, t1, t2, t3, t4, t5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(lanes):
+        h0, h1, h2 = s[_HALF + i], s[_HALF + L + i], s[_HALF + 2 * L + i]
+        t0 += s[_W + i] * h0 + s[_W + 6 * L + i] * h1 + s[_W + 12 * L + i] * h2
+        t1 += s[_W + L + i] * h0 + s[_W + 7 * L + i] * h1 + s[_W + 13 * L + i] * h2
+        t2 += s[_W + 2 * L + i] * h0 + s[_W + 8 * L + i] * h1 + s[_W + 14 * L + i] * h2
+        t3 += s[_W + 3 * L + i] * h0 + s[_W + 9 * L + i] * h1 + s[_W + 15 * L + i] * h2
+        t4 += s[_W + 4 * L + i] * h0 + s[_W + 10 * L + i] * h1 + s[_W + 16 * L + i] * h2
+        t5 += s[_W + 5 * L + i] * h0 + s[_W + 11 * L + i] * h1 + s[_W + 17 * L + i] * h2
+    taken[at] -= t0
+    taken[at + 1] -= t1
+    taken[at + 2] -= t2
+    taken[at + 3] -= t3
+    taken[at + 4] -= t4
+    taken[at + 5] -= t5
+    for i in range(len(out) // 3):
+        for b in range(3):
+            for a in range(6):
+                out[3 * i + b, at + a] = s[_W + (6 * b + a) * L + i]
 
 
-@kernel
+@part
 def _scatter(
     product: Array,
     taken: Array,
@@ -196,18 +203,12 @@ def _scatter(
 
 @kernel
 def eliminate(
-    information: Array,
-    p_W: Array,
-    X_W: Array,
-    chain: Array,
+    W: Couplings,
     landmark: Array,
     damping: Array,
     landmark_gradient: Array,
-    group_landmark: Index,
-    order: Index,
-    landmark_pair: Index,
-    pair_keyframe: Index,
-    pair_row: Index,
+    batches: Batches,
+    group_batch: Index,
     group_seen: Index,
     seen: Index,
     column: Index,
@@ -223,46 +224,42 @@ def eliminate(
     """Take the landmarks of a range of groups out of the motion block and its gradient (9N,).
 
     ``damping`` (K, 3) is added to the diagonals of ``landmark`` (K, 3, 3). Fills ``factor``
-    (K, 3, 3) and ``half_gradient`` (K, 3), see :func:`_factorise`, and returns the smallest pivot.
-    Entry (r, c) of the stored lower triangle is ``storage[c * stride + r - base]``.
+    (B, 6 L), the lower triangle by columns, and ``half_gradient`` (B, 3 L), see
+    :func:`_factorise`, and returns the smallest pivot. Entry (r, c) of the stored lower triangle is
+    ``storage[c * stride + r - base]``.
     """
+    information, p_W, X_W, chain = W
+    order, batch_begin, batch_cell, cell_keyframe, cell_row, _, _ = batches
+    lanes = factor.shape[1] // 6
     widest = 0
     for g in range(first_group, end_group):
         widest = max(widest, 6 * (group_seen[g + 1] - group_seen[g]))
-    spread, square, taken = np.empty(3 * _AT_ONCE * widest), np.empty(widest * widest), np.empty(widest)
+    s = np.empty(_ROWS * L)
+    spread, square, taken = np.empty(3 * L * widest), np.empty(widest * widest), np.empty(widest)
     smallest = 1.0
     for g in range(first_group, end_group):
         width = 6 * (group_seen[g + 1] - group_seen[g])
         product = square[: width * width].reshape(width, width)
         product[:] = 0.0
         taken[:] = 0.0
-        for begin in range(group_landmark[g], group_landmark[g + 1], _AT_ONCE):
-            end = min(begin + _AT_ONCE, group_landmark[g + 1])
-            low, high = width, 0
-            for q in range(landmark_pair[begin], landmark_pair[end]):
-                low, high = min(low, 6 * pair_row[q]), max(high, 6 * pair_row[q] + 6)
-            out = spread[: 3 * (end - begin) * width].reshape(3 * (end - begin), width)
-            for a in range(len(out)):
-                out[a, low:high] = 0.0
-            for place in range(begin, end):
-                pivot = _factorise(order[place], landmark, damping, landmark_gradient, factor, half_gradient)
-                smallest = min(smallest, pivot)
-                _spread(
-                    place,
-                    place - begin,
-                    information,
-                    p_W,
-                    X_W,
-                    chain,
-                    order,
-                    landmark_pair,
-                    pair_keyframe,
-                    pair_row,
-                    factor,
-                    half_gradient,
-                    out,
-                    taken,
-                )
+        for b in range(group_batch[g], group_batch[g + 1]):
+            begin, last = batch_begin[b], batch_begin[b + 1] - 1
+            gather_points(begin, last, order, X_W, lanes, s)
+            pivot = _factorise(begin, last, order, landmark, damping, landmark_gradient, lanes, s)
+            smallest = min(smallest, pivot)
+            for i in range(6 * lanes):
+                factor[b, i] = s[_F + i]
+            for i in range(3 * lanes):
+                half_gradient[b, i] = s[_HALF + i]
+            first, end = batch_cell[b], batch_cell[b + 1]
+            out = spread[: 3 * (last + 1 - begin) * width].reshape(3 * (last + 1 - begin), width)
+            low, high = 6 * cell_row[first], 6 * cell_row[end - 1] + 6
+            if high - low > 6 * (end - first):
+                for a in range(len(out)):
+                    out[a, low:high] = 0.0
+            for cell in range(first, end):
+                k, at = cell_keyframe[cell], 6 * cell_row[cell]
+                _spread(cell, k, at, information, p_W, chain, lanes, s, out, taken)
             blas.add_gram(out, low, high, product)
         _scatter(
             product, taken, seen[group_seen[g] : group_seen[g + 1]], column, stride, base, storage, gradient
@@ -272,15 +269,10 @@ def eliminate(
 
 @kernel
 def back_substitute(
-    information: Array,
-    p_W: Array,
-    X_W: Array,
-    chain: Array,
+    W: Couplings,
     factor: Array,
     half_gradient: Array,
-    order: Index,
-    landmark_pair: Index,
-    pair_keyframe: Index,
+    batches: Batches,
     column: Index,
     motion: Array,
     out: Array,
@@ -289,6 +281,9 @@ def back_substitute(
 
     W^T (x_p, x_r) = -M (x_p - ray x x_r), and ray = X - p: what the keyframe gives is added up once.
     """
+    information, p_W, X_W, chain = W
+    order, batch_begin, batch_cell, cell_keyframe, _, _, _ = batches
+    lanes = factor.shape[1] // 6
     frame = np.empty((len(p_W), 6))
     for k in range(len(p_W)):
         at = column[k]
@@ -304,81 +299,112 @@ def back_substitute(
         frame[k, 1] = motion[at + 1] + z * r0 - x * r2
         frame[k, 2] = motion[at + 2] + x * r1 - y * r0
         frame[k, 3], frame[k, 4], frame[k, 5] = r0, r1, r2
-    for place in range(len(order)):
-        j = order[place]
-        x, y, z = X_W[j, 0], X_W[j, 1], X_W[j, 2]
-        t0, t1, t2 = 0.0, 0.0, 0.0
-        for q in range(landmark_pair[place], landmark_pair[place + 1]):
-            k = pair_keyframe[q]
+    s = np.empty(_ROWS * L)
+    for b in range(len(factor)):
+        first, end = batch_begin[b], batch_begin[b + 1]
+        gather_points(first, end - 1, order, X_W, lanes, s)
+        _load_factor(b, factor, s)
+        for i in range(3 * lanes):
+            s[_W + i] = 0.0
+        for cell in range(batch_cell[b], batch_cell[b + 1]):
+            k = cell_keyframe[cell]
+            p0, p1, p2 = frame[k, 0], frame[k, 1], frame[k, 2]
             r0, r1, r2 = frame[k, 3], frame[k, 4], frame[k, 5]
-            y0 = frame[k, 0] - y * r2 + z * r1
-            y1 = frame[k, 1] - z * r0 + x * r2
-            y2 = frame[k, 2] - x * r1 + y * r0
-            m1, m2, m4 = information[q, 1], information[q, 2], information[q, 4]
-            t0 -= information[q, 0] * y0 + m1 * y1 + m2 * y2
-            t1 -= m1 * y0 + information[q, 3] * y1 + m4 * y2
-            t2 -= m2 * y0 + m4 * y1 + information[q, 5] * y2
-        f00, f10, f11 = factor[j, 0, 0], factor[j, 1, 0], factor[j, 1, 1]
-        f20, f21, f22 = factor[j, 2, 0], factor[j, 2, 1], factor[j, 2, 2]
-        r0 = -half_gradient[j, 0] - f00 * t0
-        r1 = -half_gradient[j, 1] - f10 * t0 - f11 * t1
-        r2 = -half_gradient[j, 2] - f20 * t0 - f21 * t1 - f22 * t2
-        out[j, 0] = f00 * r0 + f10 * r1 + f20 * r2
-        out[j, 1] = f11 * r1 + f21 * r2
-        out[j, 2] = f22 * r2
+            _load_cell(cell, information, s)
+            for i in range(lanes):
+                x, y, z = s[i], s[L + i], s[2 * L + i]
+                y0, y1, y2 = p0 - y * r2 + z * r1, p1 - z * r0 + x * r2, p2 - x * r1 + y * r0
+                m1, m2, m4 = s[_M + L + i], s[_M + 2 * L + i], s[_M + 4 * L + i]
+                s[_W + i] -= s[_M + i] * y0 + m1 * y1 + m2 * y2
+                s[_W + L + i] -= m1 * y0 + s[_M + 3 * L + i] * y1 + m4 * y2
+                s[_W + 2 * L + i] -= m2 * y0 + m4 * y1 + s[_M + 5 * L + i] * y2
+        for i in range(3 * lanes):
+            s[_HALF + i] = half_gradient[b, i]
+        for i in range(lanes):
+            t0, t1, t2 = s[_W + i], s[_W + L + i], s[_W + 2 * L + i]
+            f00, f10, f20 = s[_F + i], s[_F + L + i], s[_F + 2 * L + i]
+            f11, f21, f22 = s[_F + 3 * L + i], s[_F + 4 * L + i], s[_F + 5 * L + i]
+            r0 = -s[_HALF + i] - f00 * t0
+            r1 = -s[_HALF + L + i] - f10 * t0 - f11 * t1
+            r2 = -s[_HALF + 2 * L + i] - f20 * t0 - f21 * t1 - f22 * t2
+            s[_W + i] = f00 * r0 + f10 * r1 + f20 * r2
+            s[_W + L + i] = f11 * r1 + f21 * r2
+            s[_W + 2 * L + i] = f22 * r2
+        for i in range(end - first):
+            j = order[first + i]
+            out[j, 0], out[j, 1], out[j, 2] = s[_W + i], s[_W + L + i], s[_W + 2 * L + i]
 
 
 @kernel
-def couple(
-    information: Array,
-    p_W: Array,
-    X_W: Array,
-    chain: Array,
-    factor: Array,
-    order: Index,
-    landmark_pair: Index,
-    pair_keyframe: Index,
-    landmark: Array,
-    out: Array,
-    gram: Array,
-) -> None:
+def couple(W: Couplings, factor: Array, batches: Batches, landmark: Array, out: Array, gram: Array) -> None:
     """W C^-1 V of landmark columns V (K, 3, 4), V^T C^-1 V: zeroed ``out`` (N, 9, 4) and ``gram`` (4, 4).
 
-    Four columns, the degrees of freedom of the gauge: a fixed number fits a vector register.
+    Four columns, the degrees of freedom of the gauge.
     """
-    half, through = np.empty((3, 4)), np.empty((3, 4))
-    for place in range(len(order)):
-        j = order[place]
-        X, Y, Z = X_W[j, 0], X_W[j, 1], X_W[j, 2]
-        f00, f10, f11 = factor[j, 0, 0], factor[j, 1, 0], factor[j, 1, 1]
-        f20, f21, f22 = factor[j, 2, 0], factor[j, 2, 1], factor[j, 2, 2]
+    information, p_W, X_W, chain = W
+    order, batch_begin, batch_cell, cell_keyframe, _, _, _ = batches
+    lanes = factor.shape[1] // 6
+    s, v = np.empty(_ROWS * L), np.empty(24 * L)
+    # Rows of v: F V, then C^-1 V.
+    for b in range(len(factor)):
+        first, end = batch_begin[b], batch_begin[b + 1]
+        gather_points(first, end - 1, order, X_W, lanes, s)
+        _load_factor(b, factor, s)
+        for i in range(12 * lanes):
+            v[i] = 0.0
+        for i in range(end - first):
+            j = order[first + i]
+            for a in range(3):
+                for c in range(4):
+                    v[(4 * a + c) * L + i] = landmark[j, a, c]
         for c in range(4):
-            half[0, c] = f00 * landmark[j, 0, c]
-            half[1, c] = f10 * landmark[j, 0, c] + f11 * landmark[j, 1, c]
-            half[2, c] = f20 * landmark[j, 0, c] + f21 * landmark[j, 1, c] + f22 * landmark[j, 2, c]
-            through[0, c] = f00 * half[0, c] + f10 * half[1, c] + f20 * half[2, c]
-            through[1, c] = f11 * half[1, c] + f21 * half[2, c]
-            through[2, c] = f22 * half[2, c]
-        for b in range(4):
+            for i in range(lanes):
+                v0, v1, v2 = v[c * L + i], v[(4 + c) * L + i], v[(8 + c) * L + i]
+                f00, f10, f20 = s[_F + i], s[_F + L + i], s[_F + 2 * L + i]
+                f11, f21, f22 = s[_F + 3 * L + i], s[_F + 4 * L + i], s[_F + 5 * L + i]
+                h0, h1, h2 = f00 * v0, f10 * v0 + f11 * v1, f20 * v0 + f21 * v1 + f22 * v2
+                v[c * L + i], v[(4 + c) * L + i], v[(8 + c) * L + i] = h0, h1, h2
+                v[(12 + c) * L + i] = f00 * h0 + f10 * h1 + f20 * h2
+                v[(16 + c) * L + i] = f11 * h1 + f21 * h2
+                v[(20 + c) * L + i] = f22 * h2
+        for c in range(4):
+            for d in range(c, 4):
+                total = 0.0
+                for i in range(lanes):
+                    total += v[c * L + i] * v[d * L + i]
+                    total += v[(4 + c) * L + i] * v[(4 + d) * L + i]
+                    total += v[(8 + c) * L + i] * v[(8 + d) * L + i]
+                gram[c, d] += total
+        for cell in range(batch_cell[b], batch_cell[b + 1]):
+            k = cell_keyframe[cell]
+            px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
+            _load_cell(cell, information, s)
             for c in range(4):
-                gram[b, c] += half[0, b] * half[0, c] + half[1, b] * half[1, c] + half[2, b] * half[2, c]
-        for q in range(landmark_pair[place], landmark_pair[place + 1]):
-            k = pair_keyframe[q]
-            x, y, z = X - p_W[k, 0], Y - p_W[k, 1], Z - p_W[k, 2]
-            m0, m1, m2 = information[q, 0], information[q, 1], information[q, 2]
-            m3, m4, m5 = information[q, 3], information[q, 4], information[q, 5]
-            for c in range(4):
-                u = -m0 * through[0, c] - m1 * through[1, c] - m2 * through[2, c]
-                v = -m1 * through[0, c] - m3 * through[1, c] - m4 * through[2, c]
-                w = -m2 * through[0, c] - m4 * through[1, c] - m5 * through[2, c]
-                out[k, 0, c] += u
-                out[k, 1, c] += v
-                out[k, 2, c] += w
-                out[k, 3, c] += y * w - z * v
-                out[k, 4, c] += z * u - x * w
-                out[k, 5, c] += x * v - y * u
+                t0, t1, t2, t3, t4, t5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                for i in range(lanes):
+                    x, y, z = s[i] - px, s[L + i] - py, s[2 * L + i] - pz
+                    v0, v1, v2 = v[(12 + c) * L + i], v[(16 + c) * L + i], v[(20 + c) * L + i]
+                    m1, m2, m4 = s[_M + L + i], s[_M + 2 * L + i], s[_M + 4 * L + i]
+                    u0 = s[_M + i] * v0 + m1 * v1 + m2 * v2
+                    u1 = m1 * v0 + s[_M + 3 * L + i] * v1 + m4 * v2
+                    u2 = m2 * v0 + m4 * v1 + s[_M + 5 * L + i] * v2
+                    t0 += u0
+                    t1 += u1
+                    t2 += u2
+                    t3 += y * u2 - z * u1
+                    t4 += z * u0 - x * u2
+                    t5 += x * u1 - y * u0
+                out[k, 0, c] -= t0
+                out[k, 1, c] -= t1
+                out[k, 2, c] -= t2
+                out[k, 3, c] -= t3
+                out[k, 4, c] -= t4
+                out[k, 5, c] -= t5
+    for c in range(4):
+        for d in range(c):
+            gram[c, d] = gram[d, c]
     # Keyframe 0 by its total increment, Eq. (9).
     for c in range(4):
-        u, v, w = out[0, 3, c], out[0, 4, c], out[0, 5, c]
+        t0, t1, t2 = out[0, 3, c], out[0, 4, c], out[0, 5, c]
         for a in range(3):
-            out[0, 3 + a, c] = chain[0, a] * u + chain[1, a] * v + chain[2, a] * w
+            out[0, 3 + a, c] = chain[0, a] * t0 + chain[1, a] * t1 + chain[2, a] * t2

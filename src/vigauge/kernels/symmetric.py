@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ..so3 import Array
-from .compiled import kernel
-from .visual import Index
+from .compiled import part
+from .lanes import Index
 
 
-@kernel
+@part
 def unpack(lower: Array, stored: Index, out: Array) -> None:
     """Full matrix in another order: out[i, j] = lower[stored[i], stored[j]], of which r >= c is filled."""
     for i in range(len(stored)):
@@ -19,7 +19,7 @@ def unpack(lower: Array, stored: Index, out: Array) -> None:
             out[j, i] = value
 
 
-@kernel
+@part
 def subtract_outer(G: Array, A: Array, W: Array) -> None:
     """G <- G - A W^T - W A^T for (n, 4) A and W; exactly symmetric, from the lower triangle of G."""
     for i in range(G.shape[0]):
@@ -32,7 +32,7 @@ def subtract_outer(G: Array, A: Array, W: Array) -> None:
             G[j, i] = value
 
 
-@kernel
+@part
 def hold(storage: Array, held: Index, stride: int, half_bandwidth: int, size: int) -> None:
     """Rows and columns of the identity in a stored lower triangle: (r, c) is ``storage[c * stride + r]``."""
     for at in held:

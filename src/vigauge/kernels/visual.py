@@ -6,9 +6,7 @@ landmark block M, coupling [-M; -hat(ray) M], pose block [[M, .], [hat(ray) M, -
 The cameras of a keyframe share the ray, so M is summed over them: six numbers a pair of keyframe
 and landmark, (00, 01, 02, 11, 12, 22), are all that is kept of its observations.
 
-The sums run over views, a camera at a keyframe each, in blocks of observations: what belongs to the
-view stays in registers. A loop that fills one array and no more becomes one of vector instructions,
-since the compiler can then tell that what it writes is not what it reads; hence the many short ones.
+The sums run over cells, see :mod:`.lanes`.
 """
 
 from __future__ import annotations
@@ -16,23 +14,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..so3 import Array
-from .compiled import kernel
-
-Index = NDArray[np.int64]
-# Numbers that need no test for a sign when they index an array, which vector instructions want.
-Unsigned = NDArray[np.uint32]
+from .compiled import kernel, part
+from .lanes import LANES as L
+from .lanes import Batches, Index, gather_points
 
 # Entries of a keyframe's accumulator: M (6), hat(ray) M (9), rotation block (6), both gradients (6).
 POSE_ENTRIES = 27
 
-# Scratch for some observations of a view: four vectors of eight at a time.
-BLOCK = (17, 32)
 
-
-@kernel
+@part
 def camera_rotations(R_WB: Array, R_BC: Array, R_CW: Array) -> None:
     """R_CW (C, N, 3, 3) of every camera at every keyframe."""
     for c in range(R_BC.shape[0]):
@@ -80,124 +72,100 @@ def cost(
     R_CW: Array,
     p_CB: Array,
     intrinsics: Array,
-    weight: float,
-    run_start: Index,
-    run_view: Index,
-    obs_landmark: Unsigned,
-    uv: Array,
+    batches: Batches,
+    pixels: Array,
 ) -> tuple[float, float]:
-    """Sum of squares of :func:`residuals`, and of their lengths, from observations in order of runs."""
-    n_cameras = R_CW.shape[0]
+    """Sum of squares of :func:`residuals`, and of their lengths; ``pixels`` (V, 3 L) as of the problem."""
+    order, batch_begin, batch_cell, cell_keyframe, _, cell_view, view_camera = batches
+    lanes = pixels.shape[1] // 3
+    s = np.empty(3 * L)
     squares, lengths = 0.0, 0.0
-    for run in range(len(run_view)):
-        k, c = run_view[run] // n_cameras, run_view[run] % n_cameras
-        px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
-        R = R_CW[c, k]
-        r00, r01, r02 = R[0, 0], R[0, 1], R[0, 2]
-        r10, r11, r12 = R[1, 0], R[1, 1], R[1, 2]
-        r20, r21, r22 = R[2, 0], R[2, 1], R[2, 2]
-        tx, ty, tz = p_CB[c, 0], p_CB[c, 1], p_CB[c, 2]
-        fx, fy, cx, cy = intrinsics[c, 0], intrinsics[c, 1], intrinsics[c, 2], intrinsics[c, 3]
-        begin, end = run_start[run], run_start[run + 1]
-        landmarks, at_u, at_v = obs_landmark[begin:end], uv[0, begin:end], uv[1, begin:end]
-        for i in range(len(landmarks)):
-            j = landmarks[i]
-            x, y, z = X_W[j, 0] - px, X_W[j, 1] - py, X_W[j, 2] - pz
-            inverse_depth = 1.0 / (r20 * x + r21 * y + r22 * z + tz)
-            u = (r00 * x + r01 * y + r02 * z + tx) * inverse_depth
-            v = (r10 * x + r11 * y + r12 * z + ty) * inverse_depth
-            r_u = (fx * u + cx - at_u[i]) * weight
-            r_v = (fy * v + cy - at_v[i]) * weight
-            square = r_u * r_u + r_v * r_v
-            squares += square
-            lengths += math.sqrt(square)
+    for b in range(len(batch_begin) - 1):
+        gather_points(batch_begin[b], batch_begin[b + 1] - 1, order, X_W, lanes, s)
+        for cell in range(batch_cell[b], batch_cell[b + 1]):
+            k = cell_keyframe[cell]
+            px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
+            for view in range(cell_view[cell], cell_view[cell + 1]):
+                c = view_camera[view]
+                r00, r01, r02 = R_CW[c, k, 0, 0], R_CW[c, k, 0, 1], R_CW[c, k, 0, 2]
+                r10, r11, r12 = R_CW[c, k, 1, 0], R_CW[c, k, 1, 1], R_CW[c, k, 1, 2]
+                r20, r21, r22 = R_CW[c, k, 2, 0], R_CW[c, k, 2, 1], R_CW[c, k, 2, 2]
+                tx, ty, tz = p_CB[c, 0], p_CB[c, 1], p_CB[c, 2]
+                fx, fy, cx, cy = intrinsics[c, 0], intrinsics[c, 1], intrinsics[c, 2], intrinsics[c, 3]
+                for i in range(lanes):
+                    x, y, z = s[i] - px, s[L + i] - py, s[2 * L + i] - pz
+                    w = pixels[view, 2 * L + i]
+                    depth = r20 * x + r21 * y + r22 * z + tz
+                    # Who is not seen may be anywhere.
+                    inverse_depth = 1.0 / (depth if w > 0.0 else 1.0)
+                    u = (r00 * x + r01 * y + r02 * z + tx) * inverse_depth
+                    v = (r10 * x + r11 * y + r12 * z + ty) * inverse_depth
+                    r_u = (fx * u + cx - pixels[view, i]) * w
+                    r_v = (fy * v + cy - pixels[view, L + i]) * w
+                    square = r_u * r_u + r_v * r_v
+                    squares += square
+                    lengths += math.sqrt(square)
     return squares, lengths
 
 
-@kernel
-def _view_block(
-    begin: int,
-    count: int,
+# Rows of the scratch of `accumulate`, which see.
+_RAY, _PIXEL, _CELL, _BATCH, _ROWS = 3 * L, 6 * L, 9 * L, 18 * L, 27
+
+
+@part
+def _add_view(
+    view: int,
     k: int,
     c: int,
-    p_W: Array,
-    X_W: Array,
     R_CW: Array,
     p_CB: Array,
     intrinsics: Array,
-    weight: float,
-    obs_landmark: Unsigned,
-    uv: Array,
+    pixels: Array,
     s: Array,
-    pose: Array,
 ) -> None:
-    """M (rows 0-5 of ``s``) and J_l^T r (6-8) of ``count`` observations of a view; their sums to ``pose``.
+    """Add M and J_l^T r of a view's observations to the cell's rows of ``s``.
 
-    The other rows: ray (9-11), residual (12, 13), normalised coordinates (14, 15), w / depth (16). The rows
-    of J_l are a = f_x w / depth (R_0 - u R_2), and b alike. Places past the last observation repeat it, and
-    then count for nothing.
+    The rows of J_l are a = f_x w / depth (R_0 - u R_2), w the weight of a pixel, and b alike.
     """
-    size = s.shape[1]
-    px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
-    for i in range(size):
-        m = begin + min(i, count - 1)
-        j = obs_landmark[m]
-        s[9, i] = X_W[j, 0] - px
-        s[10, i] = X_W[j, 1] - py
-        s[11, i] = X_W[j, 2] - pz
-        s[12, i] = uv[0, m]
-        s[13, i] = uv[1, m]
+    lanes = pixels.shape[1] // 3
     r00, r01, r02 = R_CW[c, k, 0, 0], R_CW[c, k, 0, 1], R_CW[c, k, 0, 2]
     r10, r11, r12 = R_CW[c, k, 1, 0], R_CW[c, k, 1, 1], R_CW[c, k, 1, 2]
     r20, r21, r22 = R_CW[c, k, 2, 0], R_CW[c, k, 2, 1], R_CW[c, k, 2, 2]
     tx, ty, tz = p_CB[c, 0], p_CB[c, 1], p_CB[c, 2]
     fx, fy, cx, cy = intrinsics[c, 0], intrinsics[c, 1], intrinsics[c, 2], intrinsics[c, 3]
-    for i in range(size):
-        s[16, i] = weight / (r20 * s[9, i] + r21 * s[10, i] + r22 * s[11, i] + tz)
-    to_depth = 1.0 / weight
-    for i in range(size):
-        s[14, i] = (r00 * s[9, i] + r01 * s[10, i] + r02 * s[11, i] + tx) * (s[16, i] * to_depth)
-    for i in range(size):
-        s[15, i] = (r10 * s[9, i] + r11 * s[10, i] + r12 * s[11, i] + ty) * (s[16, i] * to_depth)
-    for i in range(size):
-        s[12, i] = (fx * s[14, i] + cx - s[12, i]) * weight
-    for i in range(size):
-        s[13, i] = (fy * s[15, i] + cy - s[13, i]) * weight
-    for i in range(count, size):
-        s[16, i] = 0.0
-    a0, a1, a2 = fx * r00, fx * r01, fx * r02
-    b0, b1, b2 = fy * r10, fy * r11, fy * r12
-    ac0, ac1, ac2 = fx * r20, fx * r21, fx * r22
-    bc0, bc1, bc2 = fy * r20, fy * r21, fy * r22
-    for i in range(size):
-        x, y, z = a0 - s[14, i] * ac0, b0 - s[15, i] * bc0, s[16, i]
-        s[0, i] = (x * x + y * y) * (z * z)
-    for i in range(size):
-        x, y = (a0 - s[14, i] * ac0) * (a1 - s[14, i] * ac1), (b0 - s[15, i] * bc0) * (b1 - s[15, i] * bc1)
-        s[1, i] = (x + y) * (s[16, i] * s[16, i])
-    for i in range(size):
-        x, y = (a0 - s[14, i] * ac0) * (a2 - s[14, i] * ac2), (b0 - s[15, i] * bc0) * (b2 - s[15, i] * bc2)
-        s[2, i] = (x + y) * (s[16, i] * s[16, i])
-    for i in range(size):
-        x, y, z = a1 - s[14, i] * ac1, b1 - s[15, i] * bc1, s[16, i]
-        s[3, i] = (x * x + y * y) * (z * z)
-    for i in range(size):
-        x, y = (a1 - s[14, i] * ac1) * (a2 - s[14, i] * ac2), (b1 - s[15, i] * bc1) * (b2 - s[15, i] * bc2)
-        s[4, i] = (x + y) * (s[16, i] * s[16, i])
-    for i in range(size):
-        x, y, z = a2 - s[14, i] * ac2, b2 - s[15, i] * bc2, s[16, i]
-        s[5, i] = (x * x + y * y) * (z * z)
-    for i in range(size):
-        s[6, i] = ((a0 - s[14, i] * ac0) * s[12, i] + (b0 - s[15, i] * bc0) * s[13, i]) * s[16, i]
-    for i in range(size):
-        s[7, i] = ((a1 - s[14, i] * ac1) * s[12, i] + (b1 - s[15, i] * bc1) * s[13, i]) * s[16, i]
-    for i in range(size):
-        s[8, i] = ((a2 - s[14, i] * ac2) * s[12, i] + (b2 - s[15, i] * bc2) * s[13, i]) * s[16, i]
+    for i in range(lanes):
+        x, y, z = s[_RAY + i], s[_RAY + L + i], s[_RAY + 2 * L + i]
+        w = pixels[view, 2 * L + i]
+        depth = r20 * x + r21 * y + r22 * z + tz
+        # Who is not seen may be anywhere.
+        inverse_depth = 1.0 / (depth if w > 0.0 else 1.0)
+        u = (r00 * x + r01 * y + r02 * z + tx) * inverse_depth
+        v = (r10 * x + r11 * y + r12 * z + ty) * inverse_depth
+        r_u = (fx * u + cx - pixels[view, i]) * w
+        r_v = (fy * v + cy - pixels[view, L + i]) * w
+        p, q = fx * w * inverse_depth, fy * w * inverse_depth
+        a0, a1, a2 = (r00 - u * r20) * p, (r01 - u * r21) * p, (r02 - u * r22) * p
+        b0, b1, b2 = (r10 - v * r20) * q, (r11 - v * r21) * q, (r12 - v * r22) * q
+        s[_CELL + i] += a0 * a0 + b0 * b0
+        s[_CELL + L + i] += a0 * a1 + b0 * b1
+        s[_CELL + 2 * L + i] += a0 * a2 + b0 * b2
+        s[_CELL + 3 * L + i] += a1 * a1 + b1 * b1
+        s[_CELL + 4 * L + i] += a1 * a2 + b1 * b2
+        s[_CELL + 5 * L + i] += a2 * a2 + b2 * b2
+        s[_CELL + 6 * L + i] += a0 * r_u + b0 * r_v
+        s[_CELL + 7 * L + i] += a1 * r_u + b1 * r_v
+        s[_CELL + 8 * L + i] += a2 * r_u + b2 * r_v
+
+
+@part
+def _add_to_pose(k: int, lanes: int, s: Array, pose: Array) -> None:
+    """Sums over a cell's lanes to the accumulator of its keyframe."""
     s00, s01, s02, s11, s12, s22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     t00, t01, t02, t10, t11, t12, t20, t21, t22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(size):
-        x, y, z = s[9, i], s[10, i], s[11, i]
-        m00, m01, m02, m11, m12, m22 = s[0, i], s[1, i], s[2, i], s[3, i], s[4, i], s[5, i]
+    for i in range(lanes):
+        x, y, z = s[_RAY + i], s[_RAY + L + i], s[_RAY + 2 * L + i]
+        m00, m01, m02 = s[_CELL + i], s[_CELL + L + i], s[_CELL + 2 * L + i]
+        m11, m12, m22 = s[_CELL + 3 * L + i], s[_CELL + 4 * L + i], s[_CELL + 5 * L + i]
         s00 += m00
         s01 += m01
         s02 += m02
@@ -231,10 +199,11 @@ def _view_block(
     # -hat(ray) M hat(ray), symmetric
     e00, e01, e02, e11, e12, e22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     g0, g1, g2, h0, h1, h2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(size):
-        x, y, z = s[9, i], s[10, i], s[11, i]
-        m00, m01, m02, m11, m12, m22 = s[0, i], s[1, i], s[2, i], s[3, i], s[4, i], s[5, i]
-        q0, q1, q2 = s[6, i], s[7, i], s[8, i]
+    for i in range(lanes):
+        x, y, z = s[_RAY + i], s[_RAY + L + i], s[_RAY + 2 * L + i]
+        m00, m01, m02 = s[_CELL + i], s[_CELL + L + i], s[_CELL + 2 * L + i]
+        m11, m12, m22 = s[_CELL + 3 * L + i], s[_CELL + 4 * L + i], s[_CELL + 5 * L + i]
+        q0, q1, q2 = s[_CELL + 6 * L + i], s[_CELL + 7 * L + i], s[_CELL + 8 * L + i]
         e00 += y * (y * m22 - z * m12) - z * (y * m12 - z * m11)
         e01 += z * (y * m02 - z * m01) - x * (y * m22 - z * m12)
         e02 += x * (y * m12 - z * m11) - y * (y * m02 - z * m01)
@@ -268,91 +237,55 @@ def accumulate(
     R_CW: Array,
     p_CB: Array,
     intrinsics: Array,
-    weight: float,
-    group_landmark: Index,
-    order: Index,
-    landmark_pair: Index,
-    group_run: Index,
-    run_start: Index,
-    run_view: Index,
-    obs_pair: Index,
-    obs_landmark: Unsigned,
-    uv: Array,
-    first_group: int,
-    end_group: int,
+    batches: Batches,
+    pixels: Array,
+    first_batch: int,
+    end_batch: int,
     information: Array,
     landmark: Array,
     landmark_gradient: Array,
     pose: Array,
-    block: Array,
 ) -> None:
-    """Sums over a range of groups: ``information`` (P, 6), landmarks' blocks and gradients, ``pose``.
+    """Sums over a range of batches: ``information`` (Q, 6 L), landmarks' blocks and gradients, ``pose``.
 
-    The arrays from ``group_landmark`` to ``obs_landmark`` are those of
-    :class:`vigauge.structure.Structure`; ``uv`` (2, M) in its order of observations. ``pose``
-    (N, 27) takes each keyframe's sums; ``block`` (17, B) is scratch for B observations of a view, and
-    comes from outside so that the compiler does not know B and unroll the loops instead.
+    ``pose`` (N, 27) takes each keyframe's sums. Rows of the scratch: X (3), ray (3), pixel and
+    weight (3), M and J_l^T r of the cell (9), and their sums over the batch (9).
     """
-    n_cameras, size = R_CW.shape[0], block.shape[1]
-    most = 0
-    for g in range(first_group, end_group):
-        most = max(most, landmark_pair[group_landmark[g + 1]] - landmark_pair[group_landmark[g]])
-    gradient = np.empty((most, 3))
-    for g in range(first_group, end_group):
-        base = landmark_pair[group_landmark[g]]
-        for run in range(group_run[g], group_run[g + 1]):
-            k, c = run_view[run] // n_cameras, run_view[run] % n_cameras
-            for begin in range(run_start[run], run_start[run + 1], size):
-                count = min(size, run_start[run + 1] - begin)
-                _view_block(
-                    begin,
-                    count,
-                    k,
-                    c,
-                    p_W,
-                    X_W,
-                    R_CW,
-                    p_CB,
-                    intrinsics,
-                    weight,
-                    obs_landmark,
-                    uv,
-                    block,
-                    pose,
-                )
-                for i in range(count):
-                    q = obs_pair[begin + i]
-                    if q >= 0:
-                        for a in range(6):
-                            information[q, a] = block[a, i]
-                        for a in range(3):
-                            gradient[q - base, a] = block[6 + a, i]
-                    else:
-                        for a in range(6):
-                            information[~q, a] += block[a, i]
-                        for a in range(3):
-                            gradient[~q - base, a] += block[6 + a, i]
-        for place in range(group_landmark[g], group_landmark[g + 1]):
-            c00, c01, c02, c11, c12, c22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            h0, h1, h2 = 0.0, 0.0, 0.0
-            for q in range(landmark_pair[place], landmark_pair[place + 1]):
-                c00 += information[q, 0]
-                c01 += information[q, 1]
-                c02 += information[q, 2]
-                c11 += information[q, 3]
-                c12 += information[q, 4]
-                c22 += information[q, 5]
-                h0 += gradient[q - base, 0]
-                h1 += gradient[q - base, 1]
-                h2 += gradient[q - base, 2]
-            j = order[place]
-            landmark[j, 0, 0], landmark[j, 0, 1], landmark[j, 0, 2] = c00, c01, c02
-            landmark[j, 1, 0], landmark[j, 1, 1], landmark[j, 1, 2] = c01, c11, c12
-            landmark[j, 2, 0], landmark[j, 2, 1], landmark[j, 2, 2] = c02, c12, c22
-            landmark_gradient[j, 0], landmark_gradient[j, 1], landmark_gradient[j, 2] = h0, h1, h2
+    order, batch_begin, batch_cell, cell_keyframe, _, cell_view, view_camera = batches
+    lanes = pixels.shape[1] // 3
+    s = np.empty(_ROWS * L)
+    for b in range(first_batch, end_batch):
+        first, end = batch_begin[b], batch_begin[b + 1]
+        gather_points(first, end - 1, order, X_W, lanes, s)
+        for i in range(9 * lanes):
+            s[_BATCH + i] = 0.0
+        for cell in range(batch_cell[b], batch_cell[b + 1]):
+            k = cell_keyframe[cell]
+            px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
+            for i in range(lanes):
+                s[_RAY + i] = s[i] - px
+                s[_RAY + L + i] = s[L + i] - py
+                s[_RAY + 2 * L + i] = s[2 * L + i] - pz
+            for i in range(9 * lanes):
+                s[_CELL + i] = 0.0
+            for view in range(cell_view[cell], cell_view[cell + 1]):
+                _add_view(view, k, view_camera[view], R_CW, p_CB, intrinsics, pixels, s)
+            for i in range(9 * lanes):
+                s[_BATCH + i] += s[_CELL + i]
+            for i in range(6 * lanes):
+                information[cell, i] = s[_CELL + i]
+            _add_to_pose(k, lanes, s, pose)
+        for i in range(end - first):
+            j = order[first + i]
+            c01, c02, c12 = s[_BATCH + L + i], s[_BATCH + 2 * L + i], s[_BATCH + 4 * L + i]
+            landmark[j, 0, 0], landmark[j, 0, 1], landmark[j, 0, 2] = s[_BATCH + i], c01, c02
+            landmark[j, 1, 0], landmark[j, 1, 1], landmark[j, 1, 2] = c01, s[_BATCH + 3 * L + i], c12
+            landmark[j, 2, 0], landmark[j, 2, 1], landmark[j, 2, 2] = c02, c12, s[_BATCH + 5 * L + i]
+            for a in range(3):
+                landmark_gradient[j, a] = s[_BATCH + (6 + a) * L + i]
 
 
-@kernel
+@part
 def left_multiply_transposed(A: Array, B: Array) -> None:
     """B <- A^T B for 3 x 3 matrices, in place."""
     for b in range(B.shape[1]):
