@@ -177,7 +177,7 @@ class GaugeProjection:
         n_motion = 9 * reduced.structure.n_keyframes
         through: Array = V[:n_motion]
         V_G_V: Array = np.zeros((4, 4))
-        if np.any(V[n_motion:]):
+        if V[n_motion:].any():
             taken, V_G_V = reduced.couple(V[n_motion:])
             through = through - taken
         G_V = inverse.times(through)

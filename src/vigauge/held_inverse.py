@@ -55,20 +55,27 @@ class HeldInverse:
     def times(self, columns: Array) -> Array:
         """G B for columns B (9N, c) in the package's order."""
         layout = self.reduced.structure.layout
+        if not layout.banded:
+            return self._full @ columns
         right = np.empty_like(columns)
         right[layout.stored] = columns
         right[layout.stored[self.held]] = 0.0
         return self.factorised.solve(right)[layout.stored]
 
     def dense(self) -> Array:
-        """(9N, 9N) G in the package's order."""
+        """(9N, 9N) G in the package's order, an array of its own."""
+        return self._unpacked() if self.reduced.structure.layout.banded else self._full.copy()
+
+    def blocks(self, columns: Index) -> Array:
+        """(m, c, c) entries of G over m sets of columns (m, c); in the band of S, where S has a band."""
         layout = self.reduced.structure.layout
-        lower = self._inverted()
-        at = layout.stored[self.held]
-        lower[at], lower[:, at] = 0.0, 0.0
-        out = np.empty((layout.size, layout.size))
-        symmetric.unpack(lower, layout.stored, out)
-        return out
+        if not layout.banded:
+            return self._full[columns[..., :, None], columns[..., None, :]]
+        at = layout.stored[columns]
+        row, column = at[..., :, None], at[..., None, :]
+        low, high = np.minimum(row, column), np.maximum(row, column)
+        held = np.isin(columns, self.held)
+        return np.where(held[..., :, None] | held[..., None, :], 0.0, self._band[high - low, low])
 
     @cached_property
     def _band(self) -> Array:
@@ -77,29 +84,23 @@ class HeldInverse:
         self._require_regular(out[0])
         return out
 
-    def blocks(self, columns: Index) -> Array:
-        """(m, c, c) entries of G over m sets of columns (m, c); in the band of S, where S has a band."""
-        layout = self.reduced.structure.layout
-        at = layout.stored[columns]
-        row, column = at[..., :, None], at[..., None, :]
-        low, high = np.minimum(row, column), np.maximum(row, column)
-        entries = self._band[high - low, low] if layout.banded else self._lower[high, low]
-        held = np.isin(columns, self.held)
-        return np.where(held[..., :, None] | held[..., None, :], 0.0, entries)
-
     @cached_property
-    def _lower(self) -> Array:
-        return self._inverted()
+    def _full(self) -> Array:
+        """G, of systems that are not banded: whatever is asked of those comes from it."""
+        return self._unpacked()
 
-    def _inverted(self) -> Array:
-        """Lower triangle of the inverse, stored order, its held columns not yet zero."""
-        factor = self.factorised.factor
-        if self.reduced.structure.layout.banded:
+    def _unpacked(self) -> Array:
+        layout, factor = self.reduced.structure.layout, self.factorised.factor
+        if layout.banded:
             lower = banded_inverse(factor)
         else:
             lower, _ = lapack.dpotri(factor, lower=1)
         self._require_regular(np.diagonal(lower))
-        return lower
+        at = layout.stored[self.held]
+        lower[at], lower[:, at] = 0.0, 0.0
+        out = np.empty((layout.size, layout.size))
+        symmetric.unpack(lower, layout.stored, out)
+        return out
 
     def _require_regular(self, diagonal: Array) -> None:
         layout = self.reduced.structure.layout

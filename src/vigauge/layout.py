@@ -160,11 +160,9 @@ class Layout:
     def add(self, storage: Array, columns: Index, block: Array) -> None:
         """Add a symmetric block over distinct columns of the package's order, in place."""
         at = self.stored[columns]
-        row, column = np.maximum(at[:, None], at), np.minimum(at[:, None], at)
-        if np.max(row - column) > self.half_bandwidth:
+        if at.max() - at.min() > self.half_bandwidth:
             raise SolverError("a prior joins keyframes that are too far apart for the banded system")
-        # (i, j) and (j, i) are one stored entry, and are assigned the same sum.
-        storage[column * self.stride + row] += block
+        symmetric.add(storage, at, self.stride, block)
 
     def hold(self, storage: Array, columns: Index) -> None:
         """Replace rows and columns by those of the identity, in place: what they stand for does not move."""

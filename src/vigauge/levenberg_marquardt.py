@@ -18,7 +18,7 @@ import numpy as np
 
 from .errors import SolverError
 from .gauge import Gauge, GaugePrior
-from .kernels.damping import clamped, predicted_decrease
+from .kernels.damping import clamped, predicted_decrease, squares
 from .layout import Layout
 from .normal_equations import NormalEquations, linearise
 from .problem import Problem
@@ -166,8 +166,7 @@ class _Objective:
 
 def _state_norm(state: State) -> float:
     """Norm of the parameters as Ceres sees them: unit quaternions for rotations after the first."""
-    squares = sum(float(np.vdot(a, a)) for a in (state.p_W, state.v_W, state.X_W, state.dphi_0))
-    return math.sqrt(squares + state.n_keyframes - 1)
+    return math.sqrt(squares(state.p_W, state.v_W, state.X_W, state.dphi_0) + state.n_keyframes - 1)
 
 
 def solve(
@@ -188,7 +187,8 @@ def solve(
     A run that cannot go on ends with a status that says so; nothing is raised.
     """
     options = options or Options()
-    with Workers(options.threads) as workers:
+    # What is done in one piece is done here: threads would only have to be started.
+    with Workers(options.threads if len(problem.structure.pieces) > 1 else 1) as workers:
         return _Run(problem, gauge, options, clock, keep_states, workers).solve()
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from . import so3
 from .errors import DegenerateError, SolverError
 from .kernels import inertial as inertial_kernels
-from .kernels import schur, visual
+from .kernels import schur, symmetric, visual
 from .kernels.lanes import LANES
 from .kernels.schur import Couplings
 from .layout import Index, Layout, by_keyframe, by_kind
@@ -70,8 +70,9 @@ class NormalEquations:
     def diagonal(self) -> Array:
         """(9N + 3K,) diagonal of H."""
         layout = self.structure.layout
-        motion = layout.diagonal(self.storage)[layout.stored]
-        return np.concatenate([motion, self.landmark.reshape(-1, 9)[:, ::4].ravel()])
+        out = np.empty(layout.size + 3 * len(self.landmark))
+        symmetric.diagonal(self.storage, layout.stored, layout.stride, self.landmark, out)
+        return out
 
     def times(self, vector: Array) -> Array:
         """H x of a vector x (9N + 3K,), from the blocks."""
@@ -110,7 +111,7 @@ class NormalEquations:
         if damping is None:
             landmark_damping: Array = np.zeros((s.n_landmarks, 3))
         else:
-            layout.diagonal(storage)[layout.stored] += damping[: layout.size]
+            symmetric.add_diagonal(storage, layout.stored, layout.stride, damping)
             landmark_damping = damping[layout.size :].reshape(-1, 3)
         factor, half_gradient = np.empty((s.n_batches, 6 * LANES)), np.empty((s.n_batches, 3 * LANES))
 

@@ -23,3 +23,13 @@ def predicted_decrease(gradient: Array, damping: Array, step: Array) -> float:
     for i in range(len(step)):
         decrease += step[i] * (damping[i] * step[i] - gradient[i])
     return 0.5 * decrease
+
+
+@part
+def squares(p_W: Array, v_W: Array, X_W: Array, dphi_0: Array) -> float:
+    """Sum of squares of the parameters, but for the rotations after the first."""
+    total = 0.0
+    for vectors in (p_W, v_W, X_W):
+        for i in range(len(vectors)):
+            total += vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2
+    return total + dphi_0[0] ** 2 + dphi_0[1] ** 2 + dphi_0[2] ** 2

@@ -41,3 +41,31 @@ def hold(storage: Array, held: Index, stride: int, half_bandwidth: int, size: in
         for c in range(max(at - half_bandwidth, 0), at):
             storage[c * stride + at] = 0.0
         storage[at * stride + at] = 1.0
+
+
+@part
+def add(storage: Array, at: Index, stride: int, block: Array) -> None:
+    """Add a symmetric block over distinct columns to a stored lower triangle, as in :func:`hold`."""
+    for i in range(len(at)):
+        for j in range(len(at)):
+            if at[i] >= at[j]:
+                storage[at[j] * stride + at[i]] += block[i, j]
+
+
+@part
+def diagonal(storage: Array, stored: Index, stride: int, landmark: Array, out: Array) -> None:
+    """Diagonal of H into ``out`` (9N + 3K,): of a stored lower triangle in the order of ``stored``, and of
+    the landmarks' blocks (K, 3, 3)."""
+    n = len(stored)
+    for i in range(n):
+        out[i] = storage[stored[i] * (stride + 1)]
+    for j in range(len(landmark)):
+        for a in range(3):
+            out[n + 3 * j + a] = landmark[j, a, a]
+
+
+@part
+def add_diagonal(storage: Array, stored: Index, stride: int, values: Array) -> None:
+    """Add ``values`` (9N or more) to a stored lower triangle's diagonal, in the order of ``stored``."""
+    for i in range(len(stored)):
+        storage[stored[i] * (stride + 1)] += values[i]
