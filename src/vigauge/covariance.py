@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+import scipy.linalg.lapack as lapack
 
 from . import so3
 from .conditioning import scaled_eigenvalues
@@ -208,10 +209,10 @@ def _prior_normal(state: State, prior: GaugePrior) -> Array:
 
 def _times_inverse(U: Array, V_T_U: Array) -> Array:
     """U (V^T U)^-1. Raises DegenerateError where the constraints leave part of the orbit free."""
-    try:
-        return U @ np.linalg.inv(V_T_U)
-    except np.linalg.LinAlgError as error:
-        raise DegenerateError("the gauge's constraints leave part of the gauge free") from error
+    _, _, transposed, info = lapack.dgesv(V_T_U.T, U.T)
+    if info > 0:
+        raise DegenerateError("the gauge's constraints leave part of the gauge free")
+    return transposed.T
 
 
 def _low_rank_projection(G: Array, G_V: Array, V_G_V: Array, U: Array, V_T_U: Array) -> Array:

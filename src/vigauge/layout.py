@@ -40,12 +40,6 @@ def by_keyframe(motion: Array, n_keyframes: int) -> Array:
     return blocks.reshape(n_keyframes, 9, *rest)
 
 
-def by_kind(keyframes: Array) -> Array:
-    """Inverse of :func:`by_keyframe`."""
-    n, rest = len(keyframes), keyframes.shape[2:]
-    return keyframes.reshape(n, 3, 3, *rest).swapaxes(0, 1).reshape(9 * n, *rest)
-
-
 def _half_bandwidth(reach: int) -> int:
     return 9 * reach + 8
 

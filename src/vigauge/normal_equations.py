@@ -17,7 +17,7 @@ from .kernels import inertial as inertial_kernels
 from .kernels import schur, symmetric, visual
 from .kernels.lanes import LANES
 from .kernels.schur import Couplings
-from .layout import Index, Layout, by_keyframe, by_kind
+from .layout import Index, Layout, by_keyframe
 from .problem import Problem
 from .residuals import camera_rotations, first_rotation_chain, inertial_inputs
 from .so3 import Array
@@ -230,9 +230,9 @@ class ReducedSystem:
     def couple(self, landmark: Array) -> tuple[Array, Array]:
         """W C^-1 V (9N, 4) and V^T C^-1 V (4, 4) of landmark columns V (3K, 4)."""
         s = self.structure
-        out, gram = np.zeros((s.n_keyframes, 9, 4)), np.zeros((4, 4))
+        out, gram = np.zeros((3, s.n_keyframes, 3, 4)), np.zeros((4, 4))
         schur.couple(self.couplings, self.factor, s.batches, landmark.reshape(-1, 3, 4), out, gram)
-        return by_kind(out), gram
+        return out.reshape(-1, 4), gram
 
     def landmark_inverses(self) -> Array:
         """(K, 3, 3) C^-1 = F^T F."""

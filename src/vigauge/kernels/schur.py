@@ -337,7 +337,9 @@ def back_substitute(
 
 @kernel
 def couple(W: Couplings, factor: Array, batches: Batches, landmark: Array, out: Array, gram: Array) -> None:
-    """W C^-1 V of landmark columns V (K, 3, 4), V^T C^-1 V: zeroed ``out`` (N, 9, 4) and ``gram`` (4, 4).
+    """W C^-1 V of landmark columns V (K, 3, 4), V^T C^-1 V: zeroed ``out`` (3, N, 3, 4) and ``gram`` (4, 4).
+
+    ``out`` by kind and keyframe, the package's order of motion parameters.
 
     Four columns, the degrees of freedom of the gauge.
     """
@@ -394,17 +396,17 @@ def couple(W: Couplings, factor: Array, batches: Batches, landmark: Array, out: 
                     t3 += y * u2 - z * u1
                     t4 += z * u0 - x * u2
                     t5 += x * u1 - y * u0
-                out[k, 0, c] -= t0
-                out[k, 1, c] -= t1
-                out[k, 2, c] -= t2
-                out[k, 3, c] -= t3
-                out[k, 4, c] -= t4
-                out[k, 5, c] -= t5
+                out[0, k, 0, c] -= t0
+                out[0, k, 1, c] -= t1
+                out[0, k, 2, c] -= t2
+                out[1, k, 0, c] -= t3
+                out[1, k, 1, c] -= t4
+                out[1, k, 2, c] -= t5
     for c in range(4):
         for d in range(c):
             gram[c, d] = gram[d, c]
     # Keyframe 0 by its total increment, Eq. (9).
     for c in range(4):
-        t0, t1, t2 = out[0, 3, c], out[0, 4, c], out[0, 5, c]
+        t0, t1, t2 = out[1, 0, 0, c], out[1, 0, 1, c], out[1, 0, 2, c]
         for a in range(3):
-            out[0, 3 + a, c] = chain[0, a] * t0 + chain[1, a] * t1 + chain[2, a] * t2
+            out[1, 0, a, c] = chain[0, a] * t0 + chain[1, a] * t1 + chain[2, a] * t2

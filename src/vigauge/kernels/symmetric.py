@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..so3 import Array
-from .compiled import part
+from .compiled import kernel, part
 from .lanes import Index
 
 
@@ -19,17 +19,21 @@ def unpack(lower: Array, stored: Index, out: Array) -> None:
             out[j, i] = value
 
 
-@part
+@kernel
 def subtract_outer(G: Array, A: Array, W: Array) -> None:
     """G <- G - A W^T - W A^T for (n, 4) A and W; exactly symmetric, from the lower triangle of G."""
+    # By columns, so that a row of G is a sum of eight rows.
+    A_T, W_T = A.T.copy(), W.T.copy()
     for i in range(G.shape[0]):
         a0, a1, a2, a3 = A[i, 0], A[i, 1], A[i, 2], A[i, 3]
         w0, w1, w2, w3 = W[i, 0], W[i, 1], W[i, 2], W[i, 3]
         for j in range(i + 1):
-            value = G[i, j] - (a0 * W[j, 0] + a1 * W[j, 1] + a2 * W[j, 2] + a3 * W[j, 3])
-            value -= w0 * A[j, 0] + w1 * A[j, 1] + w2 * A[j, 2] + w3 * A[j, 3]
-            G[i, j] = value
-            G[j, i] = value
+            value = a0 * W_T[0, j] + a1 * W_T[1, j] + a2 * W_T[2, j] + a3 * W_T[3, j]
+            value += w0 * A_T[0, j] + w1 * A_T[1, j] + w2 * A_T[2, j] + w3 * A_T[3, j]
+            G[i, j] -= value
+    for i in range(G.shape[0]):
+        for j in range(i):
+            G[j, i] = G[i, j]
 
 
 @part

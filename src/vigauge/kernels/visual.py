@@ -38,6 +38,42 @@ def camera_rotations(R_WB: Array, R_BC: Array, R_CW: Array) -> None:
                     )
 
 
+@part
+def _seen(
+    x: float,
+    y: float,
+    z: float,
+    w: float,
+    R: tuple[float, ...],
+    t: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """Normalised coordinates and inverse depth of a ray from the body, by a camera's rotation and place.
+
+    Who is not seen (w = 0) may be anywhere, even at depth zero.
+    """
+    depth = R[6] * x + R[7] * y + R[8] * z + t[2]
+    inverse_depth = 1.0 / (depth if w > 0.0 else 1.0)
+    u = (R[0] * x + R[1] * y + R[2] * z + t[0]) * inverse_depth
+    v = (R[3] * x + R[4] * y + R[5] * z + t[1]) * inverse_depth
+    return u, v, inverse_depth
+
+
+@part
+def _rotation(c: int, k: int, R_CW: Array) -> tuple[float, ...]:
+    """Rows of the rotation of camera c at keyframe k, as numbers that loops keep in registers."""
+    return (
+        R_CW[c, k, 0, 0],
+        R_CW[c, k, 0, 1],
+        R_CW[c, k, 0, 2],
+        R_CW[c, k, 1, 0],
+        R_CW[c, k, 1, 1],
+        R_CW[c, k, 1, 2],
+        R_CW[c, k, 2, 0],
+        R_CW[c, k, 2, 1],
+        R_CW[c, k, 2, 2],
+    )
+
+
 @kernel
 def residuals(
     p_W: Array,
@@ -56,10 +92,8 @@ def residuals(
     for m in range(uv.shape[0]):
         k, c, j = keyframe[m], camera[m], landmark[m]
         x, y, z = X_W[j, 0] - p_W[k, 0], X_W[j, 1] - p_W[k, 1], X_W[j, 2] - p_W[k, 2]
-        R = R_CW[c, k]
-        inverse_depth = 1.0 / (R[2, 0] * x + R[2, 1] * y + R[2, 2] * z + p_CB[c, 2])
-        u = (R[0, 0] * x + R[0, 1] * y + R[0, 2] * z + p_CB[c, 0]) * inverse_depth
-        v = (R[1, 0] * x + R[1, 1] * y + R[1, 2] * z + p_CB[c, 1]) * inverse_depth
+        place = (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
+        u, v, _ = _seen(x, y, z, 1.0, _rotation(c, k, R_CW), place)
         r_u = (intrinsics[c, 0] * u + intrinsics[c, 2] - uv[m, 0]) * weight
         r_v = (intrinsics[c, 1] * v + intrinsics[c, 3] - uv[m, 1]) * weight
         out[m, 0], out[m, 1] = r_u, r_v
@@ -87,19 +121,12 @@ def cost(
             px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
             for view in range(cell_view[cell], cell_view[cell + 1]):
                 c = view_camera[view]
-                r00, r01, r02 = R_CW[c, k, 0, 0], R_CW[c, k, 0, 1], R_CW[c, k, 0, 2]
-                r10, r11, r12 = R_CW[c, k, 1, 0], R_CW[c, k, 1, 1], R_CW[c, k, 1, 2]
-                r20, r21, r22 = R_CW[c, k, 2, 0], R_CW[c, k, 2, 1], R_CW[c, k, 2, 2]
-                tx, ty, tz = p_CB[c, 0], p_CB[c, 1], p_CB[c, 2]
+                R, place = _rotation(c, k, R_CW), (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
                 fx, fy, cx, cy = intrinsics[c, 0], intrinsics[c, 1], intrinsics[c, 2], intrinsics[c, 3]
                 for i in range(lanes):
                     x, y, z = s[i] - px, s[L + i] - py, s[2 * L + i] - pz
                     w = pixels[view, 2 * L + i]
-                    depth = r20 * x + r21 * y + r22 * z + tz
-                    # Who is not seen may be anywhere.
-                    inverse_depth = 1.0 / (depth if w > 0.0 else 1.0)
-                    u = (r00 * x + r01 * y + r02 * z + tx) * inverse_depth
-                    v = (r10 * x + r11 * y + r12 * z + ty) * inverse_depth
+                    u, v, _ = _seen(x, y, z, w, R, place)
                     r_u = (fx * u + cx - pixels[view, i]) * w
                     r_v = (fy * v + cy - pixels[view, L + i]) * w
                     square = r_u * r_u + r_v * r_v
@@ -128,24 +155,17 @@ def _add_view(
     The rows of J_l are a = f_x w / depth (R_0 - u R_2), w the weight of a pixel, and b alike.
     """
     lanes = pixels.shape[1] // 3
-    r00, r01, r02 = R_CW[c, k, 0, 0], R_CW[c, k, 0, 1], R_CW[c, k, 0, 2]
-    r10, r11, r12 = R_CW[c, k, 1, 0], R_CW[c, k, 1, 1], R_CW[c, k, 1, 2]
-    r20, r21, r22 = R_CW[c, k, 2, 0], R_CW[c, k, 2, 1], R_CW[c, k, 2, 2]
-    tx, ty, tz = p_CB[c, 0], p_CB[c, 1], p_CB[c, 2]
+    R, place = _rotation(c, k, R_CW), (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
     fx, fy, cx, cy = intrinsics[c, 0], intrinsics[c, 1], intrinsics[c, 2], intrinsics[c, 3]
     for i in range(lanes):
         x, y, z = s[_RAY + i], s[_RAY + L + i], s[_RAY + 2 * L + i]
         w = pixels[view, 2 * L + i]
-        depth = r20 * x + r21 * y + r22 * z + tz
-        # Who is not seen may be anywhere.
-        inverse_depth = 1.0 / (depth if w > 0.0 else 1.0)
-        u = (r00 * x + r01 * y + r02 * z + tx) * inverse_depth
-        v = (r10 * x + r11 * y + r12 * z + ty) * inverse_depth
+        u, v, inverse_depth = _seen(x, y, z, w, R, place)
         r_u = (fx * u + cx - pixels[view, i]) * w
         r_v = (fy * v + cy - pixels[view, L + i]) * w
         p, q = fx * w * inverse_depth, fy * w * inverse_depth
-        a0, a1, a2 = (r00 - u * r20) * p, (r01 - u * r21) * p, (r02 - u * r22) * p
-        b0, b1, b2 = (r10 - v * r20) * q, (r11 - v * r21) * q, (r12 - v * r22) * q
+        a0, a1, a2 = (R[0] - u * R[6]) * p, (R[1] - u * R[7]) * p, (R[2] - u * R[8]) * p
+        b0, b1, b2 = (R[3] - v * R[6]) * q, (R[4] - v * R[7]) * q, (R[5] - v * R[8]) * q
         s[_CELL + i] += a0 * a0 + b0 * b0
         s[_CELL + L + i] += a0 * a1 + b0 * b1
         s[_CELL + 2 * L + i] += a0 * a2 + b0 * b2
