@@ -74,7 +74,7 @@ def test_rotations_are_retracted_as_by_the_definitions():
 
 
 @pytest.mark.parametrize(
-    ("rows", "columns", "first", "end"), [(7, 60, 0, 60), (96, 55, 12, 54), (1, 3, 1, 2)]
+    ("rows", "columns", "first", "end"), [(7, 60, 0, 60), (96, 55, 12, 54), (5, 24, 8, 24), (1, 3, 1, 2)]
 )
 def test_products_of_some_columns(rows, columns, first, end):
     """Catches a panel that is shifted, transposed, or overwrites what was there: columns before ``first``

@@ -171,7 +171,7 @@ class Problem:
             raise DataError("problem", "must be positive", field="sigma_px", value=self.sigma_px)
 
     def _require_order(self) -> None:
-        """Blocks of H are summed over runs of observations, so what belongs together must be adjacent."""
+        """Pairs are runs of observations of one landmark and keyframe, so what belongs together must be adjacent."""
         step = np.diff(self.obs_landmark)
         if np.any(step < 0):
             raise DataError("problem", "observations must be ordered by landmark", field="obs_landmark")

@@ -11,9 +11,10 @@ from .kernels import covisibility
 from .kernels.lanes import LANES, Batches
 from .layout import Index, Layout
 
-# What a group adds to the products of its landmarks, in multiplications (measured): neighbouring
-# groups are joined while that saves work.
+# What a group costs besides the products of its landmarks, and each entry of its product, in
+# multiplications (measured): neighbouring groups are joined while that saves work.
 CALL_COST = 20_000.0
+ENTRY_COST = 20.0
 
 # Observations, empty lanes too, in a piece of a loop that may run on another core: half a millisecond's work.
 PIECE = 40_000
@@ -81,7 +82,7 @@ class Structure:
         layout = Layout.choose(n, k, keyframe, landmark, *joined)
         first, last, number = (np.empty(size, dtype=np.int64) for size in (k, k, n))
         covisibility.spans(keyframe, landmark, layout.place, first, last)
-        count = covisibility.join(first, last, n, CALL_COST, number)
+        count = covisibility.join(first, last, n, CALL_COST, ENTRY_COST, number)
         group_landmark, group_batch, group_seen = np.empty((3, count + 1), dtype=np.int64)
         order, begin = np.empty(k, dtype=np.int64), np.empty(k + 1, dtype=np.int64)
         covisibility.order_landmarks(first, last, number, count, group_landmark, order)

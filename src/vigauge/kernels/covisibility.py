@@ -25,11 +25,11 @@ def spans(keyframe: Index, landmark: Index, place: Index, first: Index, last: In
 
 
 @kernel
-def join(first: Index, last: Index, n_places: int, call_cost: float, number: Index) -> int:
+def join(first: Index, last: Index, n_places: int, call_cost: float, entry_cost: float, number: Index) -> int:
     """Group number (N,) of landmarks first seen at each place; how many groups there are.
 
-    A group's cost is one call plus the products over the places between its first and last;
-    neighbours share a group where that is cheaper.
+    A group costs a call, its product's entries, and the empty lanes of its last batch; neighbours
+    share one where that is cheaper. What its landmarks' own products cost is the same in any group.
     """
     count = np.zeros(n_places, dtype=np.int64)
     end = np.zeros(n_places, dtype=np.int64)
@@ -40,9 +40,9 @@ def join(first: Index, last: Index, n_places: int, call_cost: float, number: Ind
     cost = 0.0
     for place in range(n_places):
         if count[place]:
-            alone = call_cost + 3.0 * count[place] * (6.0 * (end[place] - place + 1)) ** 2
+            alone = _group_cost(count[place], end[place] - place + 1, call_cost, entry_cost)
             wide = max(reach, end[place])
-            joint = call_cost + 3.0 * (landmarks + count[place]) * (6.0 * (wide - begin + 1)) ** 2
+            joint = _group_cost(landmarks + count[place], wide - begin + 1, call_cost, entry_cost)
             if current >= 0 and joint <= cost + alone:
                 landmarks, reach, cost = landmarks + count[place], wide, joint
             else:
@@ -50,6 +50,13 @@ def join(first: Index, last: Index, n_places: int, call_cost: float, number: Ind
                 begin, landmarks, reach, cost = place, count[place], end[place], alone
         number[place] = current
     return current + 1
+
+
+@part
+def _group_cost(count: int, places: int, call_cost: float, entry_cost: float) -> float:
+    """In multiplications, of which an empty lane takes as many as a landmark."""
+    entries = (6.0 * places) ** 2
+    return call_cost + entry_cost * entries + 3.0 * (-count % LANES) * entries
 
 
 @kernel
