@@ -171,7 +171,7 @@ class Problem:
             raise DataError("problem", "must be positive", field="sigma_px", value=self.sigma_px)
 
     def _require_order(self) -> None:
-        """Pairs are runs of observations of one landmark and keyframe, so what belongs together must be adjacent."""
+        """Observations of a landmark and keyframe are one pair, so what belongs together must be adjacent."""
         step = np.diff(self.obs_landmark)
         if np.any(step < 0):
             raise DataError("problem", "observations must be ordered by landmark", field="obs_landmark")
