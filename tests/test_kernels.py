@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import vigauge
 from vigauge import so3
 from vigauge.kernels import blas, damping, rotation
 
@@ -120,6 +122,14 @@ print(hashlib.sha256(b"".join(a.tobytes() for a in (s.p_W, s.R_WB, s.v_W, s.X_W)
 """
 
 
+_COST = """
+from support.random_problem import random_problem
+from vigauge.residuals import cost
+problem = random_problem(4, n_keyframes=12, n_landmarks=60)
+print(cost(problem, problem.initial))
+"""
+
+
 def test_the_process_that_compiles_computes_what_later_ones_do(tmp_path):
     """Catches kernels that call each other as functions of their own: while they are compiled the one that is
     called is another piece of machine code than the copy that is kept on disk, and last digits differ."""
@@ -133,3 +143,27 @@ def test_the_process_that_compiles_computes_what_later_ones_do(tmp_path):
     ]
     assert list(tmp_path.rglob("*.nbi"))
     assert found[0] == found[1] != ""
+
+
+def test_machine_code_on_disk_is_that_of_the_sources(tmp_path):
+    """Catches code of yesterday's parts in today's kernel: Numba looks at the kernel's own file only, and
+    arrays of another number of lanes would then be run through with the old one."""
+    package = Path(vigauge.__file__).parent
+    copy = tmp_path / "vigauge"
+    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    tests = Path(__file__).parent
+    environment = dict(os.environ) | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(tests)]),
+    }
+
+    def cost() -> float:
+        run = [sys.executable, "-c", _COST]
+        return float(subprocess.run(run, env=environment, capture_output=True, text=True, check=True).stdout)
+
+    before = cost()
+    lanes = copy / "kernels" / "lanes.py"
+    text = lanes.read_text().replace("LANES = 16", "LANES = 8")
+    assert text != lanes.read_text()
+    lanes.write_text(text)
+    assert cost() == pytest.approx(before, rel=1e-9)

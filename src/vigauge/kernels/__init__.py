@@ -3,7 +3,5 @@
 Everything here takes and fills plain arrays and knows no class of the package. What the
 loops compute is defined by the batched NumPy forms in the tests, which are their oracle.
 Machine code is kept on disk, next to these files or in the user's cache folder, so only
-the first process on a machine waits for the compiler. Numba makes it anew when the file of the
-kernel that Python calls has changed, not those of the kernels that this one calls: after a change
-there, ``make clean``.
+the first process on a machine waits for the compiler. It is made anew when any of them has changed.
 """

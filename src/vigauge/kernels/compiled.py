@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -36,9 +38,18 @@ def part(function: F) -> F:
     return _compiled(function, FLAGS | {"_nrt": False})
 
 
+# Kernels are made of parts in other files: machine code on disk is that of all sources as they are now.
+SOURCES = hashlib.sha256(
+    b"".join(file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py")))
+).hexdigest()
+
+
 def _compiled(function: F, flags: dict[str, Any]) -> F:
     try:
-        return cast(F, numba.njit(cache=True, **flags)(function))
+        dispatcher: Any = numba.njit(cache=True, **flags)(function)
     except RuntimeError as error:  # neither this folder nor the user's cache folder
         warnings.warn(f"kernels are compiled anew in every process: {error}", stacklevel=3)
         return cast(F, numba.njit(**flags)(function))
+    # Numba looks at the time and size of the kernel's own file only.
+    dispatcher._cache._cache_file._source_stamp = SOURCES
+    return cast(F, dispatcher)
