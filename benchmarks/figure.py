@@ -44,5 +44,7 @@ def draw_scaling(rows: Sequence[Row], stem: Path) -> None:
         axes.set_xlabel("observations $M$ (10 to 1000 keyframes)")
         axes.set_ylabel("time of an iteration (ms)")
         axes.grid(which="both")
-        axes.legend()
+        # Below all lines, where there is room.
+        axes.set_ylim(bottom=0.2 * min(floor.values()))
+        axes.legend(loc="lower right")
         save_figure(figure, stem)
