@@ -31,9 +31,11 @@ from vigauge.gauge import (
     FreeGauge,
     KeyframeGauge,
     PriorGauge,
+    first_pose_columns,
     oblique_projector,
     orbit_tangent,
 )
+from vigauge.held_inverse import HeldInverse
 from vigauge.imu import ImuNoise, preintegrate
 from vigauge.normal_equations import linearise
 from vigauge.problem import InertialFactors
@@ -507,3 +509,19 @@ def test_an_increment_of_a_whole_turn_is_refused():
     state = replace(state, dphi_0=dphi_0, R_WB0_ref=so3.exp(-dphi_0) @ state.R_WB[0])
     with pytest.raises(DataError, match=r"dphi_0: must be shorter than 2 pi"):
         state.require_valid()
+
+
+def test_an_inverse_that_is_given_away_may_be_written_to():
+    """Catches the inverse that products and blocks come from handed out itself: the next gauge's covariance
+    would be made of what the caller did to it."""
+    problem = trial()
+    state = estimate()
+    reduced = linearise(problem, state).eliminate()
+    inverse = HeldInverse.of(reduced, first_pose_columns(state))
+    assert not problem.structure.layout.banded
+    columns = problem.structure.columns
+    expected = inverse.dense()
+    inverse.dense()[:] = np.nan
+    assert np.array_equal(inverse.dense(), expected)
+    assert np.allclose(inverse.times(np.eye(len(expected))), expected, rtol=1e-12)
+    assert np.array_equal(inverse.blocks(columns)[1], expected[np.ix_(columns[1], columns[1])])

@@ -84,7 +84,7 @@ def test_products_of_some_columns(rows, columns, first, end):
     rng = np.random.default_rng(0)
     A, before = rng.normal(size=(rows, columns)), rng.normal(size=(columns, columns))
     out = before.copy()
-    blas.add_gram(A, first, end, out)
+    blas.add_gram(A.ravel(), rows, columns, first, end, out.ravel(), np.empty(4, dtype=np.int32))
     part = slice(first, end)
     expected = before.copy()
     expected[part, part] += A[:, part].T @ A[:, part]

@@ -10,7 +10,9 @@ import pytest
 from support.dense import dense_jacobian, dense_residual
 from support.random_problem import random_problem
 from support.simulated import estimate, trial
-from vigauge.errors import SolverError
+from vigauge import structure
+from vigauge.errors import DegenerateError, SolverError
+from vigauge.kernels import covisibility
 from vigauge.kernels.lanes import LANES
 from vigauge.layout import motion_columns
 from vigauge.normal_equations import NormalEquations, linearise
@@ -48,9 +50,9 @@ def test_blocks_are_those_of_the_dense_product(case):
 def test_two_cameras_of_one_keyframe_share_a_block():
     """Catches the second camera's rows overwriting the first's in a (keyframe, landmark) block."""
     problem = random_problem(3)
-    structure = linearise(problem, problem.initial).structure
+    found = linearise(problem, problem.initial).structure
     pairs = set(zip(problem.obs_landmark.tolist(), problem.obs_keyframe.tolist(), strict=True))
-    assert len(structure.pairs.keyframe) == len(pairs) < len(problem.obs_uv)
+    assert len(found.pairs.keyframe) == len(pairs) < len(problem.obs_uv)
 
 
 def test_groups_take_every_landmark_once():
@@ -62,7 +64,7 @@ def test_groups_take_every_landmark_once():
     assert np.array_equal(np.sort(batches.order), np.arange(s.n_landmarks))
     assert (batches.batch_begin[0], batches.batch_begin[-1]) == (0, s.n_landmarks)
     assert set(np.diff(batches.batch_begin).tolist()) <= set(range(1, LANES + 1))
-    batch, lane = s.landmark_place
+    batch, lane = s.landmark_lane
     assert np.array_equal(batches.order[batches.batch_begin[batch] + lane], np.arange(s.n_landmarks))
     for g in range(s.n_groups):
         keyframes = s.seen[s.group_seen[g] : s.group_seen[g + 1]]
@@ -77,8 +79,8 @@ def test_every_observation_has_a_lane_of_its_own(seed):
     problem = random_problem(seed, n_keyframes=30, n_landmarks=3000, window=3)
     s = problem.structure
     batches = s.batches
-    assert len(np.unique(s.obs_place)) == len(problem.obs_uv)
-    view, lane = np.divmod(s.obs_place, LANES)
+    assert len(np.unique(s.obs_slot)) == len(problem.obs_uv)
+    view, lane = np.divmod(s.obs_slot, LANES)
     cell = np.searchsorted(batches.cell_view, view, side="right") - 1
     batch = np.searchsorted(batches.batch_cell, cell, side="right") - 1
     assert np.array_equal(batches.view_camera[view], problem.obs_camera)
@@ -197,6 +199,89 @@ def test_schur_complement_is_the_dense_one(case):
         b = g[:n] - H[:n, n:] @ np.linalg.solve(H[n:, n:], g[n:])
         assert np.abs(reduced.matrix - S).max() < 1e-11 * np.abs(H[:n, :n]).max()
         assert np.abs(reduced.gradient - b).max() < 1e-11 * np.abs(g[:n]).max()
+
+
+def returning_flight(n_landmarks: int = 120) -> Problem:
+    """Twelve keyframes that come back: every fourth landmark is seen by the first and the last two only."""
+    problem = random_problem(3, n_keyframes=12, n_landmarks=n_landmarks)
+    far = problem.obs_landmark % 4 == 0
+    ends = (problem.obs_keyframe < 2) | (problem.obs_keyframe > 9)
+    # Of the others in their group, some are lost early and some miss a keyframe: a batch with a gap.
+    early, gap = problem.obs_keyframe < 7, (problem.obs_keyframe < 8) & (problem.obs_keyframe != 5)
+    keep = np.where(far, ends, np.where(problem.obs_landmark % 4 == 3, early, gap))
+    seen = np.unique(problem.obs_landmark[keep])
+    names = ("keyframe", "camera", "landmark", "uv")
+    kept = {f"obs_{name}": getattr(problem, f"obs_{name}")[keep] for name in names}
+    kept["obs_landmark"] = np.searchsorted(seen, kept["obs_landmark"])
+    return replace(problem, initial=replace(problem.initial, X_W=problem.initial.X_W[seen]), **kept)
+
+
+def require_dense_system(problem: Problem) -> None:
+    equations = linearise(problem, problem.initial)
+    n = 9 * problem.initial.n_keyframes
+    J, r = dense_jacobian(problem, problem.initial), dense_residual(problem, problem.initial)
+    damping = 1e-3 * equations.diagonal()
+    H, g = J.T @ J + np.diag(damping), J.T @ r
+    inverse = np.linalg.solve(H[n:, n:], np.column_stack([H[n:, :n], g[n:]]))
+    S, b = H[:n, :n] - H[:n, n:] @ inverse[:, :-1], g[:n] - H[:n, n:] @ inverse[:, -1]
+    reduced = equations.eliminate(damping)
+    scale = np.sqrt(np.diagonal(H)[:n])
+    assert np.abs((reduced.matrix - S) / scale[:, None] / scale).max() < 1e-11
+    assert np.abs((reduced.gradient - b) / scale).max() < 1e-11 * np.abs(g[:n] / scale).max()
+    assert np.abs((equations.dense() - J.T @ J)[:n, :n] / scale[:, None] / scale).max() < 1e-12
+
+
+def test_flight_that_comes_back():
+    """Catches columns of the product that nobody filled, and products of batches apart from their group's put
+    in the wrong place: landmarks of one group that are seen by other keyframes, with others between."""
+    problem = returning_flight()
+    batches = problem.structure.batches
+    first, end = batches.batch_cell[:-1], batches.batch_cell[1:]
+    reach = batches.cell_row[end - 1] + 1 - batches.cell_row[first]
+    gaps = reach - (end - first)
+    apart = reach > covisibility.LONG_GAPS * (end - first)
+    assert np.any(apart) and np.any((gaps > 0) & ~apart)
+    require_dense_system(problem)
+
+
+@pytest.mark.parametrize("piece", [64, 400])
+def test_pieces_add_up_to_the_whole(piece, monkeypatch):
+    """Catches a piece's share of the system, the gradient or keyframes' blocks lost or put elsewhere."""
+    monkeypatch.setattr(structure, "PIECE", piece)
+    monkeypatch.setattr(structure, "CALL_COST", 0.0)
+    for problem in (
+        random_problem(4, n_keyframes=30, n_landmarks=120, window=3),
+        random_problem(3, n_keyframes=6, n_landmarks=40),
+        returning_flight(),
+    ):
+        require_dense_system(problem)
+    assert len(random_problem(4, n_keyframes=30, n_landmarks=120, window=3).structure.pieces) > 2
+
+
+@pytest.mark.parametrize("lane", [0, 5, 15, 16])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_one_bad_landmark_is_enough(lane, axis):
+    """Catches a block without a factor that is overlooked beside good ones, whichever its place."""
+    equations = linearise(returning_flight(), returning_flight().initial)
+    j = equations.structure.batches.order[lane]
+    landmark = equations.landmark.copy()
+    landmark[j, axis, axis] *= -1.0
+    with pytest.raises(SolverError, match="not positive definite"):
+        replace(equations, landmark=landmark).eliminate(1e-3 * equations.diagonal())
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_singular_landmarks_are_always_called_so(seed):
+    """Catches an error that depends on how a zero was rounded: a landmark on one line of sight is
+    unobservable, whether its last pivot comes out as 1e-17 or as -1e-17."""
+    problem = random_problem(3)
+    j = seed % problem.initial.n_landmarks
+    mine = np.flatnonzero(problem.obs_landmark == j)
+    keep = (problem.obs_landmark != j) | (np.arange(len(problem.obs_uv)) == mine[seed % len(mine)])
+    names = ("keyframe", "camera", "landmark", "uv")
+    lone = replace(problem, **{f"obs_{name}": getattr(problem, f"obs_{name}")[keep] for name in names})
+    with pytest.raises(DegenerateError, match=f"landmark {j} "):
+        linearise(lone, lone.initial).eliminate()
 
 
 def test_couplings_are_those_of_the_blocks():

@@ -146,17 +146,18 @@ class NormalEquations:
             others = workers.map(apart, s.pieces[1:])
             # The first piece goes where it belongs, and of short problems it is the only one.
             smallest.append(take_out(s.pieces[0], 0, storage, gradient))
-            for pivot, stored, share, of_piece in others:
-                smallest.append(pivot)
+            for found, stored, share, of_piece in others:
+                smallest.append(found)
                 storage[stored] += share
                 gradient += of_piece
-        pivot = min(smallest)
-        if not pivot > 0.0:
-            raise SolverError("a landmark's block of H is not positive definite")
-        if damping is None and pivot < 1e3 * np.finfo(float).eps:
+        regular = min(smallest)
+        # A singular block is one to rounding: whether its determinant comes out positive is chance.
+        if damping is None and not regular >= 1e3 * np.finfo(float).eps and _all_seen(self.landmark):
             raise DegenerateError(
                 f"landmark {_weakest(self.landmark)} is unobservable along its line of sight"
             )
+        if not regular > 0.0:
+            raise SolverError("a landmark's block of H is not positive definite")
         return ReducedSystem(s, storage, gradient, self.couplings, factor, half_gradient)
 
     def dense(self) -> Array:
@@ -236,7 +237,7 @@ class ReducedSystem:
 
     def landmark_inverses(self) -> Array:
         """(K, 3, 3) C^-1 = F^T F."""
-        batch, lane = self.structure.landmark_place
+        batch, lane = self.structure.landmark_lane
         F = np.zeros((self.structure.n_landmarks, 3, 3))
         row, column = np.array([0, 1, 2, 1, 2, 2]), np.array([0, 0, 0, 1, 1, 2])
         F[:, row, column] = self.factor.reshape(-1, 6, LANES)[batch, :, lane]
@@ -250,6 +251,11 @@ class ReducedSystem:
         coupled = np.add.reduceat(W_T_Y, s.pairs.begin[:-1], axis=0)
         step = self.landmark_inverses() @ (landmark.reshape(coupled.shape) - coupled)
         return step.reshape(landmark.shape)
+
+
+def _all_seen(landmark: Array) -> bool:
+    """Whether every block is finite and has information along all three axes."""
+    return bool(np.all(np.isfinite(landmark)) and np.all(np.diagonal(landmark, axis1=1, axis2=2) > 0.0))
 
 
 def _weakest(landmark: Array) -> int:

@@ -236,7 +236,7 @@ class Problem:
     def pixels(self) -> Array:
         """(V, 3 LANES) u, v and 1 / sigma of the observations of every view, zero where there is none."""
         out = np.zeros((self.structure.n_views, 3 * LANES))
-        spread_pixels(self.obs_uv, 1.0 / self.sigma_px, self.structure.obs_place, out)
+        spread_pixels(self.obs_uv, 1.0 / self.sigma_px, self.structure.obs_slot, out)
         return out
 
     @cached_property

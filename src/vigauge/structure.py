@@ -49,7 +49,7 @@ class Structure:
     batches : who sees what, as the kernels run through it
     group_batch : (G + 1,) first batch of each group
     group_seen, seen : (G + 1,) where each group's keyframes begin, and the keyframes
-    obs_place : (M,) view * LANES + lane of each observation of the problem
+    obs_slot : (M,) view * LANES + lane of each observation of the problem
     """
 
     n_keyframes: int
@@ -59,7 +59,7 @@ class Structure:
     group_batch: Index
     group_seen: Index
     seen: Index
-    obs_place: Index
+    obs_slot: Index
     obs_keyframe: Index
     obs_landmark: Index
 
@@ -85,16 +85,16 @@ class Structure:
         count = covisibility.join(first, last, n, CALL_COST, ENTRY_COST, number)
         group_landmark, group_batch, group_seen = np.empty((3, count + 1), dtype=np.int64)
         order, begin = np.empty(k, dtype=np.int64), np.empty(k + 1, dtype=np.int64)
-        covisibility.order_landmarks(first, last, number, count, group_landmark, order)
+        covisibility.order_landmarks(landmark, keyframe, first, last, number, count, group_landmark, order)
         n_batches = covisibility.begin_batches(group_landmark, group_batch, begin)
         batch_cell = np.empty(n_batches + 1, dtype=np.int64)
-        cell_keyframe, cell_row, view_camera, obs_place, seen = np.empty((5, m), dtype=np.int64)
+        cell_keyframe, cell_row, view_camera, obs_slot, seen = np.empty((5, m), dtype=np.int64)
         cell_view = np.empty(m + 1, dtype=np.int64)
         found = Batches(
             order, begin[: n_batches + 1], batch_cell, cell_keyframe, cell_row, cell_view, view_camera
         )
         cells, views, width = covisibility.arrange(
-            keyframe, camera, landmark, n, n_cameras, group_batch, found, obs_place, group_seen, seen
+            keyframe, camera, landmark, n, n_cameras, group_batch, found, obs_slot, group_seen, seen
         )
         return cls(
             n_keyframes=n,
@@ -109,7 +109,7 @@ class Structure:
             group_batch=group_batch,
             group_seen=group_seen,
             seen=seen[:width],
-            obs_place=obs_place,
+            obs_slot=obs_slot,
             obs_keyframe=keyframe,
             obs_landmark=landmark,
         )
@@ -133,20 +133,20 @@ class Structure:
     @cached_property
     def pairs(self) -> Pairs:
         """The pairs, for whatever is no sum over observations."""
-        starts = np.ones(len(self.obs_place), dtype=bool)
+        starts = np.ones(len(self.obs_slot), dtype=bool)
         starts[1:] = (np.diff(self.obs_landmark) != 0) | (np.diff(self.obs_keyframe) != 0)
-        landmark, place = self.obs_landmark[starts], self.obs_place[starts]
+        landmark, slot = self.obs_landmark[starts], self.obs_slot[starts]
         view_cell = np.repeat(np.arange(self.n_cells), np.diff(self.batches.cell_view))
         return Pairs(
             landmark=landmark,
             keyframe=self.obs_keyframe[starts],
             begin=np.searchsorted(landmark, np.arange(self.n_landmarks + 1)),
-            cell=view_cell[place // LANES],
-            lane=place % LANES,
+            cell=view_cell[slot // LANES],
+            lane=slot % LANES,
         )
 
     @cached_property
-    def landmark_place(self) -> tuple[Index, Index]:
+    def landmark_lane(self) -> tuple[Index, Index]:
         """(K,) batch and lane of each landmark."""
         batches = self.batches
         place = np.empty_like(batches.order)

@@ -11,9 +11,10 @@ import llvmlite.binding
 import numpy as np
 from numba import types
 from numba.extending import get_cython_function_address
+from numpy.typing import NDArray
 
 from ..so3 import Array
-from .compiled import kernel
+from .compiled import part
 
 _INT = types.CPointer(types.int32)
 _CHAR = types.CPointer(types.uint8)
@@ -28,6 +29,7 @@ _dgemm: Any = types.ExternalFunction(
 
 _PLAIN = np.frombuffer(b"N", dtype=np.uint8)
 _TRANSPOSED = np.frombuffer(b"T", dtype=np.uint8)
+_ONE = np.ones(1)
 
 # Width of the panels that a triangle is made of, a vector of eight. They cost few products more than
 # the triangle has, and half the time of dsyrk where BLAS has kernels for small matrices (measured,
@@ -35,16 +37,13 @@ _TRANSPOSED = np.frombuffer(b"T", dtype=np.uint8)
 _PANEL = 8
 
 
-@kernel
-def add_gram(A: Array, first: int, end: int, out: Array) -> None:
-    """Add A_b^T A_b, A_b the columns first..end of A (k, n), to ``out`` (n, n).
+@part
+def add_gram(A: Array, k: int, n: int, first: int, end: int, out: Array, size: NDArray[np.int32]) -> None:
+    """Add A_b^T A_b, A_b the columns first..end of A (k, n), to ``out`` (n, n); both flat, row by row.
 
-    At least the entries with column >= row are added to.
+    At least the entries with column >= row are added to. ``size`` (4,) is scratch.
     """
-    n = A.shape[1]
-    flat, into = A.ravel(), out.ravel()
-    size = np.array([0, 0, A.shape[0], n], dtype=np.int32)
-    one = np.ones(1)
+    size[2], size[3] = k, n
     # The odd columns first, so that all other panels have whole vectors in both directions.
     c, width = first, (end - first) % _PANEL or _PANEL
     while c < end:
@@ -55,13 +54,13 @@ def add_gram(A: Array, first: int, end: int, out: Array) -> None:
             size.ctypes,
             size[1:].ctypes,
             size[2:].ctypes,
-            one.ctypes,
-            flat[c:].ctypes,
+            _ONE.ctypes,
+            A[c:].ctypes,
             size[3:].ctypes,
-            flat[c:].ctypes,
+            A[c:].ctypes,
             size[3:].ctypes,
-            one.ctypes,
-            into[c * n + c :].ctypes,
+            _ONE.ctypes,
+            out[c * (n + 1) :].ctypes,
             size[3:].ctypes,
         )
         c, width = c + width, _PANEL

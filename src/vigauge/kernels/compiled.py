@@ -10,6 +10,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from .. import so3
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 FLAGS: dict[str, Any] = {
@@ -38,10 +40,10 @@ def part(function: F) -> F:
     return _compiled(function, FLAGS | {"_nrt": False})
 
 
-# Kernels are made of parts in other files: machine code on disk is that of all sources as they are now.
-SOURCES = hashlib.sha256(
-    b"".join(file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py")))
-).hexdigest()
+# Kernels are made of parts and constants in other files: machine code on disk is that of all sources
+# as they are now.
+_FILES = (*sorted(Path(__file__).parent.glob("*.py")), Path(so3.__file__))
+SOURCES = hashlib.sha256(b"".join(file.read_bytes() for file in _FILES)).hexdigest()
 
 
 def _compiled(function: F, flags: dict[str, Any]) -> F:

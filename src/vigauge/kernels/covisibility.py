@@ -8,6 +8,9 @@ from ..so3 import Array
 from .compiled import kernel, part
 from .lanes import LANES, Batches, Index
 
+# A track has long gaps where it spans more than that times the keyframes that it is seen from.
+LONG_GAPS = 1.5
+
 
 @kernel
 def spans(keyframe: Index, landmark: Index, place: Index, first: Index, last: Index) -> int:
@@ -29,7 +32,8 @@ def join(first: Index, last: Index, n_places: int, call_cost: float, entry_cost:
     """Group number (N,) of landmarks first seen at each place; how many groups there are.
 
     A group costs a call, its product's entries, and the empty lanes of its last batch; neighbours
-    share one where that is cheaper. What its landmarks' own products cost is the same in any group.
+    share one where that is cheaper. What its batches' own products cost hardly depends on the group:
+    tracks with long gaps stand apart (:func:`order_landmarks`).
     """
     count = np.zeros(n_places, dtype=np.int64)
     end = np.zeros(n_places, dtype=np.int64)
@@ -61,28 +65,50 @@ def _group_cost(count: int, places: int, call_cost: float, entry_cost: float) ->
 
 @kernel
 def order_landmarks(
-    first: Index, last: Index, number: Index, n_groups: int, group_landmark: Index, order: Index
+    landmark: Index,
+    keyframe: Index,
+    first: Index,
+    last: Index,
+    number: Index,
+    n_groups: int,
+    group_landmark: Index,
+    order: Index,
 ) -> None:
-    """Landmarks by first place, then by last, ``order`` (K,); ``group_landmark`` (G + 1,) where groups begin.
+    """Landmarks by group, first place and last, ``order`` (K,); where groups begin, ``group_landmark``.
 
-    Two passes of a counting sort; what is equal stays in the problem's order.
+    Within a group, tracks with long gaps come last, by their last place only: where a flight comes back
+    to a place, they share batches, and are in none of those that need not reach so far.
     """
-    order[:] = np.arange(len(order))
-    by_last = np.empty_like(order)
-    for key, source, target in ((last, order, by_last), (first, by_last, order)):
-        at = np.zeros(len(number) + 1, dtype=np.int64)
-        for j in range(len(key)):
-            at[key[j] + 1] += 1
-        for n in range(len(number)):
-            at[n + 1] += at[n]
-        for j in source:
-            target[at[key[j]]] = j
-            at[key[j]] += 1
+    n = len(number)
+    views = np.zeros(len(order), dtype=np.int64)
+    for m in range(len(landmark)):
+        if m == 0 or landmark[m] != landmark[m - 1] or keyframe[m] != keyframe[m - 1]:
+            views[landmark[m]] += 1
+    group, begin, source = np.empty_like(order), np.empty_like(order), np.arange(len(order))
+    for j in range(len(first)):
+        group[j] = number[first[j]]
+        begin[j] = first[j] if last[j] - first[j] < LONG_GAPS * views[j] else n
+    _sort_by(last, n, source, order)
+    _sort_by(begin, n + 1, order, source)
+    _sort_by(group, n_groups, source, order)
     group_landmark[:] = 0
     for j in range(len(first)):
-        group_landmark[number[first[j]] + 1] += 1
+        group_landmark[group[j] + 1] += 1
     for g in range(n_groups):
         group_landmark[g + 1] += group_landmark[g]
+
+
+@kernel
+def _sort_by(key: Index, n: int, source: Index, target: Index) -> None:
+    """``source`` ordered by a key from 0 to n - 1; what is equal stays in its order (a counting sort)."""
+    at = np.zeros(n + 1, dtype=np.int64)
+    for j in source:
+        at[key[j] + 1] += 1
+    for i in range(n):
+        at[i + 1] += at[i]
+    for j in source:
+        target[at[key[j]]] = j
+        at[key[j]] += 1
 
 
 @part
@@ -108,7 +134,7 @@ def arrange(
     n_cameras: int,
     group_batch: Index,
     batches: Batches,
-    obs_place: Index,
+    obs_slot: Index,
     group_seen: Index,
     seen: Index,
 ) -> tuple[int, int, int]:
@@ -143,7 +169,7 @@ def arrange(
                     at = keyframe[m] * n_cameras + camera[m]
                     if latest[at] != j:
                         latest[at], times[at] = j, 0
-                    obs_place[m] = times[at]
+                    obs_slot[m] = times[at]
                     times[at] += 1
                     if need[at] == 0:
                         touched[count] = at
@@ -170,8 +196,8 @@ def arrange(
             for place in range(batch_begin[b], batch_begin[b + 1]):
                 j = order[place]
                 for m in range(start[j], start[j + 1]):
-                    view = first[keyframe[m] * n_cameras + camera[m]] + obs_place[m]
-                    obs_place[m] = view * LANES + place - batch_begin[b]
+                    view = first[keyframe[m] * n_cameras + camera[m]] + obs_slot[m]
+                    obs_slot[m] = view * LANES + place - batch_begin[b]
         of_group = seen[group_seen[g] : width]
         of_group.sort()
         for i in range(len(of_group)):
@@ -186,8 +212,8 @@ def arrange(
 
 
 @part
-def spread_pixels(uv: Array, weight: float, obs_place: Index, out: Array) -> None:
+def spread_pixels(uv: Array, weight: float, obs_slot: Index, out: Array) -> None:
     """Pixels (M, 2) and their weight to the lanes of their views: zeroed ``out`` (V, 3 LANES)."""
-    for m in range(len(obs_place)):
-        view, lane = obs_place[m] // LANES, obs_place[m] % LANES
+    for m in range(len(obs_slot)):
+        view, lane = obs_slot[m] // LANES, obs_slot[m] % LANES
         out[view, lane], out[view, LANES + lane], out[view, 2 * LANES + lane] = uv[m, 0], uv[m, 1], weight

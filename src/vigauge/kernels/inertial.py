@@ -203,6 +203,3 @@ def accumulate(
                 at = (column[j] + c) * stride + column[i]
                 for r in range(9):
                     storage[at + r] += product[9 + c, r]
-        # The entries that the first keyframe's chain filled in may be always zero for the next factor.
-        if i == 0 or j == 0:
-            J[:] = 0.0

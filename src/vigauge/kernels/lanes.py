@@ -2,7 +2,8 @@
 
 A batch is LANES landmarks of a group, one a lane. What it has with a keyframe is a cell, what it
 has with one camera of that keyframe a view: arrays end in the lanes, and a lane that has no
-observation there holds zeros, which add nothing to any sum.
+observation there holds zeros, which add nothing to any sum. Zeros cost what numbers cost: one lane in
+ten is empty for a flight (a quarter in short windows), nine in ten where tracks are drawn at random.
 
 A loop over lanes that reads and fills rows of one flat array, at distances the compiler knows,
 becomes vector instructions however many rows it fills. Therefore kernels work on a scratch array

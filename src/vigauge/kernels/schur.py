@@ -15,6 +15,7 @@ import numpy as np
 from ..so3 import Array
 from . import blas
 from .compiled import kernel, part
+from .covisibility import LONG_GAPS
 from .lanes import LANES as L
 from .lanes import Batches, Index, gather_points
 
@@ -32,8 +33,9 @@ class Couplings(NamedTuple):
     chain: Array
 
 
-# Rows of scratch: X (3), M (6); the batch's C (6), damping (3), g (3), F (6), F g (3), pivot (1); W F^T (18).
-_M, _C, _F, _HALF, _PIVOT, _W, _ROWS = 3 * L, 9 * L, 21 * L, 27 * L, 30 * L, 31 * L, 49
+# Rows of scratch: X (3), M (6); the batch's C (6), damping (3), g (3), F (6), F g (3), scaled
+# determinant (1); W F^T (18).
+_M, _C, _F, _HALF, _REGULAR, _W, _ROWS = 3 * L, 9 * L, 21 * L, 27 * L, 30 * L, 31 * L, 49
 
 
 @part
@@ -59,7 +61,8 @@ def _factorise(
     lanes: int,
     s: Array,
 ) -> float:
-    """F with F^T F = (C + diag(damping))^-1, lower triangular, and F g; the smallest pivot over its diagonal.
+    """F with F^T F = (C + diag(damping))^-1, lower triangular, and F g; the smallest determinant of a block
+    over that of its diagonal.
 
     Not positive where a block has no factor (F is then meaningless), a rounding error where it is singular.
     """
@@ -91,13 +94,12 @@ def _factorise(
         s[_HALF + i] = f00 * g0
         s[_HALF + L + i] = f10 * g0 + f11 * g1
         s[_HALF + 2 * L + i] = f20 * g0 + f21 * g1 + f22 * g2
-        r1, r2 = p1 / d1, p2 / d2
-        least = r1 if r1 < r2 else r2
         # A NaN is no pivot either.
-        s[_PIVOT + i] = least if d0 > 0.0 and r1 > 0.0 and r2 > 0.0 else -1.0
+        positive = d0 > 0.0 and p1 > 0.0 and p2 > 0.0
+        s[_REGULAR + i] = (p1 / d1) * (p2 / d2) if positive else -1.0
     smallest = 1.0
     for i in range(lanes):
-        smallest = min(smallest, s[_PIVOT + i])
+        smallest = min(smallest, s[_REGULAR + i])
     return smallest
 
 
@@ -168,37 +170,39 @@ def _spread(
 @part
 def _scatter(
     product: Array,
+    columns: int,
     taken: Array,
     keyframes: Index,
+    first: int,
     column: Index,
     stride: int,
     base: int,
     storage: Array,
     gradient: Array,
 ) -> None:
-    """Subtract a group's product (6 w, 6 w) from the stored triangle; add its ``taken`` to the gradient.
+    """Subtract a product over keyframes (``columns`` squared, flat) from the stored triangle; add ``taken``.
 
-    Of ``product`` the entries with column >= row are filled.
+    Its keyframes stand at ``first``.. of ``keyframes``; its entries with column >= row are filled.
     """
-    for i in range(len(keyframes)):
-        left = column[keyframes[i]]
+    for i in range(columns // 6):
+        left = column[keyframes[first + i]]
         for a in range(6):
             gradient[left + a] += taken[6 * i + a]
-            start = (left + a) * stride + left - base
+            row, start = (6 * i + a) * columns + 6 * i, (left + a) * stride + left - base
             for b in range(a, 6):
-                storage[start + b] -= product[6 * i + a, 6 * i + b]
-        for j in range(i + 1, len(keyframes)):
-            right = column[keyframes[j]]
+                storage[start + b] -= product[row + b]
+        for j in range(i + 1, columns // 6):
+            right, row = column[keyframes[first + j]], 6 * i * columns + 6 * j
             if right > left:
                 for a in range(6):
                     start = (left + a) * stride + right - base
                     for b in range(6):
-                        storage[start + b] -= product[6 * i + a, 6 * j + b]
+                        storage[start + b] -= product[row + a * columns + b]
             else:
                 for b in range(6):
                     start = (right + b) * stride + left - base
                     for a in range(6):
-                        storage[start + a] -= product[6 * i + a, 6 * j + b]
+                        storage[start + a] -= product[row + a * columns + b]
 
 
 @kernel
@@ -225,7 +229,7 @@ def eliminate(
 
     ``damping`` (K, 3) is added to the diagonals of ``landmark`` (K, 3, 3). Fills ``factor``
     (B, 6 L), the lower triangle by columns, and ``half_gradient`` (B, 3 L), see
-    :func:`_factorise`, and returns the smallest pivot. Entry (r, c) of the stored lower triangle is
+    :func:`_factorise`, and returns its number. Entry (r, c) of the stored lower triangle is
     ``storage[c * stride + r - base]``.
     """
     information, p_W, X_W, chain = W
@@ -235,35 +239,47 @@ def eliminate(
     for g in range(first_group, end_group):
         widest = max(widest, 6 * (group_seen[g + 1] - group_seen[g]))
     s = np.empty(_ROWS * L)
-    spread, square, taken = np.empty(3 * L * widest), np.empty(widest * widest), np.empty(widest)
+    spread, product, taken = np.empty(3 * L * widest), np.empty(widest * widest), np.empty(widest)
+    size = np.empty(4, dtype=np.int32)
     smallest = 1.0
     for g in range(first_group, end_group):
-        width = 6 * (group_seen[g + 1] - group_seen[g])
-        product = square[: width * width].reshape(width, width)
-        product[:] = 0.0
-        taken[:] = 0.0
+        width, of_group = 6 * (group_seen[g + 1] - group_seen[g]), group_seen[g]
+        begun = False
         for b in range(group_batch[g], group_batch[g + 1]):
-            begin, last = batch_begin[b], batch_begin[b + 1] - 1
-            gather_points(begin, last, order, X_W, lanes, s)
-            pivot = _factorise(begin, last, order, landmark, damping, landmark_gradient, lanes, s)
-            smallest = min(smallest, pivot)
+            begin, count = batch_begin[b], batch_begin[b + 1] - batch_begin[b]
+            gather_points(begin, begin + count - 1, order, X_W, lanes, s)
+            last = begin + count - 1
+            found = _factorise(begin, last, order, landmark, damping, landmark_gradient, lanes, s)
+            smallest = min(smallest, found)
             for i in range(6 * lanes):
                 factor[b, i] = s[_F + i]
             for i in range(3 * lanes):
                 half_gradient[b, i] = s[_HALF + i]
             first, end = batch_cell[b], batch_cell[b + 1]
-            out = spread[: 3 * (last + 1 - begin) * width].reshape(3 * (last + 1 - begin), width)
-            low, high = 6 * cell_row[first], 6 * cell_row[end - 1] + 6
-            if high - low > 6 * (end - first):
-                for a in range(len(out)):
-                    out[a, low:high] = 0.0
+            low, high, own = 6 * cell_row[first], 6 * cell_row[end - 1] + 6, 6 * (end - first)
+            # Keyframes far apart get a product of their own; the group's must then be out of the way.
+            apart = high - low > LONG_GAPS * own
+            if apart and begun:
+                _scatter(product, width, taken, seen, of_group, column, stride, base, storage, gradient)
+                begun = False
+            columns = own if apart else width
+            if not begun:
+                product[: columns * columns] = 0.0
+                taken[:columns] = 0.0
+            if apart:
+                low, high = 0, own
+            elif high - low > own:
+                spread[: 3 * count * columns] = 0.0
+            out = spread[: 3 * count * columns].reshape(3 * count, columns)
             for cell in range(first, end):
-                k, at = cell_keyframe[cell], 6 * cell_row[cell]
+                k, at = cell_keyframe[cell], 6 * (cell - first) if apart else 6 * cell_row[cell]
                 _spread(cell, k, at, information, p_W, chain, lanes, s, out, taken)
-            blas.add_gram(out, low, high, product)
-        _scatter(
-            product, taken, seen[group_seen[g] : group_seen[g + 1]], column, stride, base, storage, gradient
-        )
+            blas.add_gram(spread, 3 * count, columns, low, high, product, size)
+            if apart:
+                _scatter(product, own, taken, cell_keyframe, first, column, stride, base, storage, gradient)
+            begun = not apart
+        if begun:
+            _scatter(product, width, taken, seen, of_group, column, stride, base, storage, gradient)
     return smallest
 
 
@@ -337,11 +353,10 @@ def back_substitute(
 
 @kernel
 def couple(W: Couplings, factor: Array, batches: Batches, landmark: Array, out: Array, gram: Array) -> None:
-    """W C^-1 V of landmark columns V (K, 3, 4), V^T C^-1 V: zeroed ``out`` (3, N, 3, 4) and ``gram`` (4, 4).
+    """Add W C^-1 V to ``out`` (3, N, 3, 4), by kind and keyframe, and V^T C^-1 V to ``gram`` (4, 4).
 
-    ``out`` by kind and keyframe, the package's order of motion parameters.
-
-    Four columns, the degrees of freedom of the gauge.
+    V (K, 3, 4) are four landmark columns, as many as a gauge has constraints. ``out`` and ``gram`` start
+    as zeros.
     """
     information, p_W, X_W, chain = W
     order, batch_begin, batch_cell, cell_keyframe, _, _, _ = batches

@@ -47,7 +47,7 @@ def _seen(
     R: tuple[float, ...],
     t: tuple[float, float, float],
 ) -> tuple[float, float, float]:
-    """Normalised coordinates and inverse depth of a ray from the body, by a camera's rotation and place.
+    """Normalised coordinates and inverse depth of a ray from the body, by a camera's R_CW and p_CB.
 
     Who is not seen (w = 0) may be anywhere, even at depth zero.
     """
@@ -92,8 +92,8 @@ def residuals(
     for m in range(uv.shape[0]):
         k, c, j = keyframe[m], camera[m], landmark[m]
         x, y, z = X_W[j, 0] - p_W[k, 0], X_W[j, 1] - p_W[k, 1], X_W[j, 2] - p_W[k, 2]
-        place = (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
-        u, v, _ = _seen(x, y, z, 1.0, _rotation(c, k, R_CW), place)
+        t = (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
+        u, v, _ = _seen(x, y, z, 1.0, _rotation(c, k, R_CW), t)
         r_u = (intrinsics[c, 0] * u + intrinsics[c, 2] - uv[m, 0]) * weight
         r_v = (intrinsics[c, 1] * v + intrinsics[c, 3] - uv[m, 1]) * weight
         out[m, 0], out[m, 1] = r_u, r_v
@@ -121,12 +121,12 @@ def cost(
             px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
             for view in range(cell_view[cell], cell_view[cell + 1]):
                 c = view_camera[view]
-                R, place = _rotation(c, k, R_CW), (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
+                R, t = _rotation(c, k, R_CW), (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
                 fx, fy, cx, cy = intrinsics[c, 0], intrinsics[c, 1], intrinsics[c, 2], intrinsics[c, 3]
                 for i in range(lanes):
                     x, y, z = s[i] - px, s[L + i] - py, s[2 * L + i] - pz
                     w = pixels[view, 2 * L + i]
-                    u, v, _ = _seen(x, y, z, w, R, place)
+                    u, v, _ = _seen(x, y, z, w, R, t)
                     r_u = (fx * u + cx - pixels[view, i]) * w
                     r_v = (fy * v + cy - pixels[view, L + i]) * w
                     square = r_u * r_u + r_v * r_v
@@ -136,7 +136,7 @@ def cost(
 
 
 # Rows of the scratch of `accumulate`, which see.
-_RAY, _PIXEL, _CELL, _BATCH, _ROWS = 3 * L, 6 * L, 9 * L, 18 * L, 27
+_RAY, _CELL, _BATCH, _ROWS = 3 * L, 6 * L, 15 * L, 24
 
 
 @part
@@ -155,12 +155,12 @@ def _add_view(
     The rows of J_l are a = f_x w / depth (R_0 - u R_2), w the weight of a pixel, and b alike.
     """
     lanes = pixels.shape[1] // 3
-    R, place = _rotation(c, k, R_CW), (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
+    R, t = _rotation(c, k, R_CW), (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
     fx, fy, cx, cy = intrinsics[c, 0], intrinsics[c, 1], intrinsics[c, 2], intrinsics[c, 3]
     for i in range(lanes):
         x, y, z = s[_RAY + i], s[_RAY + L + i], s[_RAY + 2 * L + i]
         w = pixels[view, 2 * L + i]
-        u, v, inverse_depth = _seen(x, y, z, w, R, place)
+        u, v, inverse_depth = _seen(x, y, z, w, R, t)
         r_u = (fx * u + cx - pixels[view, i]) * w
         r_v = (fy * v + cy - pixels[view, L + i]) * w
         p, q = fx * w * inverse_depth, fy * w * inverse_depth
@@ -268,8 +268,8 @@ def accumulate(
 ) -> None:
     """Sums over a range of batches: ``information`` (Q, 6 L), landmarks' blocks and gradients, ``pose``.
 
-    ``pose`` (N, 27) takes each keyframe's sums. Rows of the scratch: X (3), ray (3), pixel and
-    weight (3), M and J_l^T r of the cell (9), and their sums over the batch (9).
+    ``pose`` (N, 27) takes each keyframe's sums. Rows of the scratch: X (3), ray (3), M and
+    J_l^T r of the cell (9), and their sums over the batch (9).
     """
     order, batch_begin, batch_cell, cell_keyframe, _, cell_view, view_camera = batches
     lanes = pixels.shape[1] // 3
