@@ -246,9 +246,8 @@ def eliminate(
         width, of_group = 6 * (group_seen[g + 1] - group_seen[g]), group_seen[g]
         begun = False
         for b in range(group_batch[g], group_batch[g + 1]):
-            begin, count = batch_begin[b], batch_begin[b + 1] - batch_begin[b]
-            gather_points(begin, begin + count - 1, order, X_W, lanes, s)
-            last = begin + count - 1
+            begin, last = batch_begin[b], batch_begin[b + 1] - 1
+            gather_points(begin, last, order, X_W, lanes, s)
             found = _factorise(begin, last, order, landmark, damping, landmark_gradient, lanes, s)
             smallest = min(smallest, found)
             for i in range(6 * lanes):
@@ -262,19 +261,19 @@ def eliminate(
             if apart and begun:
                 _scatter(product, width, taken, seen, of_group, column, stride, base, storage, gradient)
                 begun = False
-            columns = own if apart else width
+            rows, columns = 3 * (last + 1 - begin), own if apart else width
             if not begun:
                 product[: columns * columns] = 0.0
                 taken[:columns] = 0.0
             if apart:
                 low, high = 0, own
             elif high - low > own:
-                spread[: 3 * count * columns] = 0.0
-            out = spread[: 3 * count * columns].reshape(3 * count, columns)
+                spread[: rows * columns] = 0.0
+            out = spread[: rows * columns].reshape(rows, columns)
             for cell in range(first, end):
                 k, at = cell_keyframe[cell], 6 * (cell - first) if apart else 6 * cell_row[cell]
                 _spread(cell, k, at, information, p_W, chain, lanes, s, out, taken)
-            blas.add_gram(spread, 3 * count, columns, low, high, product, size)
+            blas.add_gram(spread, rows, columns, low, high, product, size)
             if apart:
                 _scatter(product, own, taken, cell_keyframe, first, column, stride, base, storage, gradient)
             begun = not apart
