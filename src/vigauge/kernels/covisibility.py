@@ -8,7 +8,8 @@ from ..so3 import Array
 from .compiled import kernel, part
 from .lanes import LANES, Batches, Index
 
-# A track has long gaps where it spans more than that times the keyframes that it is seen from.
+# A track has long gaps where its last place is at least that times its keyframes behind its first; a
+# batch has them where its columns reach further than that times as many as it fills.
 LONG_GAPS = 1.5
 
 
