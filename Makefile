@@ -64,7 +64,7 @@ $(SET_UP): $(VENV)/.locked pyproject.toml
 	@touch $@
 
 paper: $(SET_UP)
-	$(RUN) python -m vigauge.cli.resume --cores $(CORES)
+	$(RUN) python -m vigauge_paper.commands.resume --cores $(CORES)
 
 # Minutes for the smoke configuration, an hour or more for the full one.
 recovery: $(SET_UP)

@@ -15,13 +15,13 @@ import tempfile
 import time
 from pathlib import Path
 
-from vigauge.archive import load_problems
 from vigauge.errors import VigaugeError
 from vigauge.files import write_json, write_rows
-from vigauge.gauge import FreeGauge
-from vigauge.levenberg_marquardt import Options, solve
-from vigauge.machine import describe_machine, versions
-from vigauge.tables import markdown
+from vigauge.gauge.gauges import FreeGauge
+from vigauge.model.archive import load_problems
+from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge_paper.run.machine import describe_machine, versions
+from vigauge_paper.tables import markdown
 
 from .competitors import FUNCTION_TOLERANCE, GAUGES, MAXIMUM_ITERATIONS, OURS, Competitor, competitors
 from .limits import iteration_stages, measure_peak

@@ -13,8 +13,8 @@ import numpy as np
 
 from vigauge.errors import DataError
 from vigauge.files import atomic_path
-from vigauge.problem import Problem
-from vigauge.state import State
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
 
 PROBLEM_MAGIC = b"VIGPROB1"
 STATE_MAGIC = b"VIGSTAT1"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from vigauge.figures.style import COLUMN, new_figure, save_figure
+from vigauge_paper.figures.style import COLUMN, new_figure, save_figure
 
 from .results import Row
 

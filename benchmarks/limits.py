@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from vigauge.problem import Problem
+from vigauge.model.problem import Problem
 
 _DOUBLE = 8
 

@@ -9,15 +9,15 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from vigauge import so3
-from vigauge.problem import Problem
-from vigauge.so3 import Array
-from vigauge.state import State
+from vigauge.geometry import so3
+from vigauge.geometry.so3 import Array
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
 
 
 class Model:
     """Residuals, and their Jacobian by total increments x (9N + 3K,) from the start, in the order of
-    :mod:`vigauge.state`."""
+    :mod:`vigauge.model.state`."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem

@@ -21,7 +21,7 @@ from typing import Any
 
 from vigauge.errors import DataError
 from vigauge.files import write_rows
-from vigauge.tables import markdown
+from vigauge_paper.tables import markdown
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent

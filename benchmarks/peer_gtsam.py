@@ -14,10 +14,10 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, L, V, X
 
-from vigauge import so3
-from vigauge.problem import Problem
-from vigauge.so3 import Array
-from vigauge.state import State
+from vigauge.geometry import so3
+from vigauge.geometry.so3 import Array
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
 
 _BIAS_SIGMA = 1e-7
 

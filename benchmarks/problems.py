@@ -15,18 +15,18 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from vigauge.archive import load_problems, save_problems
-from vigauge.camera import Camera, project
 from vigauge.errors import DataError
-from vigauge.imu import ImuNoise, preintegrate
-from vigauge.problem import InertialFactors, Problem
-from vigauge.simulation.measurements import corrupt_imu, ideal_imu
-from vigauge.simulation.scenario import make_scene, make_trial, perturbed, pinhole
-from vigauge.simulation.settings import SimulationSettings
-from vigauge.simulation.spline import SplineTrajectory
-from vigauge.simulation.trajectories import LOOK_ALONG_X, SAMPLES_PER_SECOND
-from vigauge.so3 import Array
-from vigauge.state import State
+from vigauge.geometry.camera import Camera, project
+from vigauge.geometry.so3 import Array
+from vigauge.model.archive import load_problems, save_problems
+from vigauge.model.imu import ImuNoise, preintegrate
+from vigauge.model.problem import InertialFactors, Problem
+from vigauge.model.state import State
+from vigauge.synthetic.measurements import corrupt_imu, ideal_imu
+from vigauge.synthetic.scenario import make_scene, make_trial, perturbed, pinhole
+from vigauge.synthetic.settings import SimulationSettings
+from vigauge.synthetic.spline import SplineTrajectory
+from vigauge.synthetic.trajectories import LOOK_ALONG_X, SAMPLES_PER_SECOND
 
 from . import exchange
 

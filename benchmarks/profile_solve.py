@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from vigauge.archive import load_problems
-from vigauge.gauge import FreeGauge
-from vigauge.levenberg_marquardt import Options, solve
-from vigauge.normal_equations import linearise
-from vigauge.problem import Problem
-from vigauge.residuals import evaluate
+from vigauge.gauge.gauges import FreeGauge
+from vigauge.model.archive import load_problems
+from vigauge.model.problem import Problem
+from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge.solver.normal_equations import linearise
+from vigauge.solver.residuals import evaluate
 
 from .competitors import FUNCTION_TOLERANCE, MAXIMUM_ITERATIONS
 

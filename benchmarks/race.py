@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from vigauge.problem import Problem
-from vigauge.state import State
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
 
 from .competitors import OURS, Competitor
 from .exchange import read_matrix, read_state, write_state

@@ -6,7 +6,7 @@ import math
 import statistics as plain
 from collections.abc import Iterable, Mapping, Sequence
 
-from vigauge.problem import Problem
+from vigauge.model.problem import Problem
 
 from .competitors import OURS
 from .limits import Peak, Stage

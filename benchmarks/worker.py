@@ -19,14 +19,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from vigauge.archive import load_problems
-from vigauge.covariance import motion_covariance
-from vigauge.gauge import FixedGauge, FreeGauge, Gauge, PriorGauge
-from vigauge.levenberg_marquardt import Options, Status, solve
-from vigauge.marginals import keyframe_covariances
-from vigauge.problem import Problem
-from vigauge.so3 import Array
-from vigauge.state import State
+from vigauge.covariance.covariance import motion_covariance
+from vigauge.covariance.marginals import keyframe_covariances
+from vigauge.gauge.gauges import FixedGauge, FreeGauge, Gauge, PriorGauge
+from vigauge.geometry.so3 import Array
+from vigauge.model.archive import load_problems
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.solver.levenberg_marquardt import Options, Status, solve
 
 from .exchange import read_state, write_matrix, write_state
 

@@ -17,66 +17,50 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGE = "vigauge"
+LIBRARY, ARTIFACT = "vigauge", "vigauge_paper"
 
-# Top floor first. A module or subpackage imports only from floors below its own; a name without
-# a floor fails the test, so a new one gets its place on purpose. PACKAGE itself is the public API.
+# Top floor first. A folder (or a module beside them) imports only from floors below its own. What has no
+# floor fails the test, so a new folder gets its place on purpose. The library's root is its public API.
 FLOORS = (
-    "cli",
-    "figures",
-    PACKAGE,
-    "windows",
-    "checks",
-    "frontend",
-    "euroc",
-    "simulation",
-    "claims",
-    "reasons",
-    "tables",
-    "timing",
-    "experiment",
-    "consistency",
-    "evaluation",
-    "marginals",
-    "diagnosis",
-    "unobservable",
-    "null_space",
-    "covariance",
-    "conditioning",
-    "levenberg_marquardt",
-    "held_inverse",
-    "banded_inverse",
-    "gauge",
-    "normal_equations",
-    "residuals",
-    "archive",
-    "problem",
-    "structure",
-    "layout",
-    "imu",
-    "camera",
-    "state",
-    "kernels",
-    "so3",
-    "provenance",
-    "machine",
-    "configuration",
-    "files",
-    "names",
-    "workers",
-    "errors",
+    "vigauge_paper.commands",
+    "vigauge_paper.claims",
+    "vigauge_paper.comparison",
+    "vigauge_paper.figures",
+    "vigauge_paper.experiments",
+    "vigauge_paper.stand_in",
+    "vigauge_paper.fetch",
+    "vigauge_paper.run",
+    "vigauge_paper.tables",
+    "vigauge_paper.ids",
+    "vigauge_paper",
+    "vigauge.cli",
+    "vigauge.adapters",
+    "vigauge.recordings",
+    "vigauge",
+    "vigauge.synthetic",
+    "vigauge.covariance",
+    "vigauge.observability",
+    "vigauge.solver",
+    "vigauge.gauge",
+    "vigauge.model",
+    "vigauge.sparsity",
+    "vigauge.kernels",
+    "vigauge.geometry",
+    "vigauge.files",
+    "vigauge.errors",
 )
 
-# Third-party packages that only these floors may import; the rest of the library runs without them.
+# Third-party packages that only these floors may import; the rest runs without them.
 CONFINED = {
-    "matplotlib": {"figures"},
-    "pycolmap": {"frontend"},
-    "cv2": {"frontend", "euroc", "simulation"},
+    "matplotlib": {"vigauge_paper.figures"},
+    "pandas": {name for name in FLOORS if name.startswith(ARTIFACT)},
+    "pycolmap": {"vigauge.recordings"},
+    "cv2": {"vigauge.recordings", "vigauge_paper.stand_in"},
     "snakemake": set(),
-    "grimp": {"cli"},
-    "numba": {"kernels"},
-    "llvmlite": {"kernels"},
-    "rosbags": {"euroc"},
+    "grimp": {"vigauge_paper.commands"},
+    "numba": {"vigauge.kernels"},
+    "llvmlite": {"vigauge.kernels"},
+    "rosbags": {"vigauge.recordings"},
 }
 
 # Import name of a distribution where the two differ.
@@ -84,22 +68,25 @@ IMPORT_NAMES = {"opencv-python-headless": "cv2", "pyyaml": "yaml"}
 
 
 def floor_of(module: str) -> str:
-    """'vigauge.euroc.images' lies on the floor 'euroc'; 'vigauge' on its own."""
-    parts = module.split(".")
-    return parts[1] if len(parts) > 1 else PACKAGE
+    """'vigauge.solver.residuals' lies on the floor 'vigauge.solver'; 'vigauge' on its own."""
+    return ".".join(module.split(".")[:2])
+
+
+def is_ours(module: str) -> bool:
+    return module.split(".")[0] in (LIBRARY, ARTIFACT)
 
 
 def direct_imports(graph: grimp.ImportGraph) -> Iterator[tuple[str, str]]:
     """Pairs (importer, imported), importer inside the package."""
     for importer in sorted(graph.modules):
-        if importer.split(".")[0] == PACKAGE:
+        if is_ours(importer):
             for imported in sorted(graph.find_modules_directly_imported_by(importer)):
                 yield importer, imported
 
 
 def unplaced(graph: grimp.ImportGraph) -> list[str]:
     """Modules on no floor."""
-    return sorted(m for m in graph.modules if m.split(".")[0] == PACKAGE and floor_of(m) not in FLOORS)
+    return sorted(m for m in graph.modules if is_ours(m) and floor_of(m) not in FLOORS)
 
 
 def upward_imports(graph: grimp.ImportGraph) -> list[str]:
@@ -108,7 +95,7 @@ def upward_imports(graph: grimp.ImportGraph) -> list[str]:
     wrong = []
     for importer, imported in direct_imports(graph):
         above, below = floor_of(importer), floor_of(imported)
-        if imported.split(".")[0] != PACKAGE or above == below or not {above, below} <= level.keys():
+        if not is_ours(imported) or above == below or not {above, below} <= level.keys():
             continue
         if level[below] >= level[above]:
             wrong.append(f"{importer} imports {imported}: {below} is not below {above}")
@@ -136,9 +123,19 @@ def misplaced_packages(graph: grimp.ImportGraph) -> list[str]:
     ]
 
 
+def commands_that_import_commands(graph: grimp.ImportGraph) -> list[str]:
+    """A command is thin: what two of them need stands below them."""
+    return [
+        f"{importer} imports {imported}"
+        for importer, imported in direct_imports(graph)
+        if floor_of(importer) == floor_of(imported) == "vigauge_paper.commands"
+        and "vigauge_paper.commands" not in (importer, imported)
+    ]
+
+
 @pytest.fixture(scope="module")
 def house() -> grimp.ImportGraph:
-    return grimp.build_graph(PACKAGE, include_external_packages=True, cache_dir=None)
+    return grimp.build_graph(LIBRARY, ARTIFACT, include_external_packages=True, cache_dir=None)
 
 
 def graph_of(*imports: tuple[str, str]) -> grimp.ImportGraph:
@@ -153,7 +150,9 @@ def graph_of(*imports: tuple[str, str]) -> grimp.ImportGraph:
 
 def test_every_module_has_a_floor(house: grimp.ImportGraph) -> None:
     """Catches a new module that escapes the layer check because nobody gave it a place."""
-    assert {"vigauge.so3", "vigauge.state"} <= house.modules, "the graph is not that of the package"
+    assert {"vigauge.geometry.so3", "vigauge_paper.ids"} <= house.modules, (
+        "the graph is not that of the package"
+    )
     assert not unplaced(house), "name these in FLOORS"
 
 
@@ -172,6 +171,11 @@ def test_heavy_packages_stay_on_their_floors(house: grimp.ImportGraph) -> None:
     assert not misplaced_packages(house)
 
 
+def test_no_command_imports_a_command(house: grimp.ImportGraph) -> None:
+    """Catches logic that two stages share and that only one of them owns."""
+    assert not commands_that_import_commands(house)
+
+
 def test_pycolmap_has_one_importer(house: grimp.ImportGraph) -> None:
     """Catches a second import of pycolmap: it must follow `import zlib`, or PNG writing aborts."""
     importers = {importer for importer, imported in direct_imports(house) if imported == "pycolmap"}
@@ -180,18 +184,23 @@ def test_pycolmap_has_one_importer(house: grimp.ImportGraph) -> None:
 
 def test_the_checks_see_violations() -> None:
     """Catches a check that passes whatever the code does."""
-    upward = graph_of(("vigauge.so3", "vigauge.state"))
-    assert upward_imports(upward) == ["vigauge.so3 imports vigauge.state: state is not below so3"]
-    assert upward_imports(graph_of(("vigauge.covariance", "vigauge.figures.style")))
-    assert upward_imports(graph_of(("vigauge", "vigauge.cli.solve")))
+    upward = graph_of(("vigauge.geometry.so3", "vigauge.model.state"))
+    assert upward_imports(upward) == [
+        "vigauge.geometry.so3 imports vigauge.model.state: vigauge.model is not below vigauge.geometry"
+    ]
+    assert upward_imports(graph_of(("vigauge.covariance.a", "vigauge_paper.figures.style")))
+    assert upward_imports(graph_of(("vigauge.solver.a", "vigauge.covariance.b")))
     assert not upward_imports(
-        graph_of(("vigauge.state", "vigauge.so3"), ("vigauge.euroc.a", "vigauge.euroc.b"))
+        graph_of(("vigauge.model.state", "vigauge.geometry.so3"), ("vigauge.model.a", "vigauge.model.b"))
+    )
+    assert commands_that_import_commands(
+        graph_of(("vigauge_paper.commands.solve", "vigauge_paper.commands.tables"))
     )
     assert import_circle(
-        graph_of(("vigauge.euroc.a", "vigauge.euroc.b"), ("vigauge.euroc.b", "vigauge.euroc.a"))
+        graph_of(("vigauge.model.a", "vigauge.model.b"), ("vigauge.model.b", "vigauge.model.a"))
     )
-    assert unplaced(graph_of(("vigauge.attic", "vigauge.so3"))) == ["vigauge.attic"]
-    assert misplaced_packages(graph_of(("vigauge.gauge", "matplotlib")))
+    assert unplaced(graph_of(("vigauge.attic", "vigauge.geometry"))) == ["vigauge.attic"]
+    assert misplaced_packages(graph_of(("vigauge.gauge.gauges", "matplotlib")))
 
 
 # Dependencies: what is imported, declared and locked must agree.
@@ -214,13 +223,21 @@ def read_lock() -> dict[str, list[Requirement]]:
 def test_imported_packages_are_declared(house: grimp.ImportGraph) -> None:
     """Catches an import that only works because another package happens to bring it."""
     project = read_project()["project"]
-    # A converter of recordings may need a package that nothing else does.
-    lines = project["dependencies"] + project["optional-dependencies"]["rosbag"]
-    declared = {
-        IMPORT_NAMES.get(name, name) for line in lines for name in [canonicalize_name(Requirement(line).name)]
+    extras = project["optional-dependencies"]
+    library = project["dependencies"]
+    assert {Requirement(line).name for line in library} == {"numpy", "scipy", "numba", "threadpoolctl"}
+    allowed = {
+        LIBRARY: library,
+        "vigauge.recordings": library + extras["recordings"],
+        ARTIFACT: library + extras["recordings"] + extras["paper"],
     }
-    imported = {imported.split(".")[0] for _, imported in direct_imports(house)}
-    assert imported - {PACKAGE} - set(sys.stdlib_module_names) <= declared
+    for importer, imported in direct_imports(house):
+        name = imported.split(".")[0]
+        place = "vigauge.recordings" if floor_of(importer) == "vigauge.recordings" else importer.split(".")[0]
+        declared = {canonicalize_name(Requirement(line).name) for line in allowed[place]}
+        # llvmlite is part of numba.
+        known = {IMPORT_NAMES.get(d, d) for d in declared} | {LIBRARY, ARTIFACT, "llvmlite"}
+        assert name in known | set(sys.stdlib_module_names), f"{importer} imports {name}"
 
 
 def test_lock_fits_the_project() -> None:
@@ -230,6 +247,8 @@ def test_lock_fits_the_project() -> None:
     for group in project["project"]["optional-dependencies"].values():
         wanted += group
     for requirement in map(Requirement, wanted):
+        if requirement.name == LIBRARY:
+            continue
         locked = pins.get(canonicalize_name(requirement.name))
         assert locked, f"{requirement.name} is not in requirements.lock"
         for pin in locked:

@@ -96,3 +96,7 @@ class SolverError(VigaugeError):
 
 class DegenerateError(SolverError):
     """More directions are unobservable than the gauge explains; no covariance is given."""
+
+
+class MissingExtraError(VigaugeError, ImportError):
+    """A part of the library that needs packages which are not installed."""

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.competitors import Competitor
 from benchmarks.problems import Size, cached_problem
 from benchmarks.race import Bench, Rules
-from vigauge.archive import load_problems
+from vigauge.model.archive import load_problems
 
 # Speaks the protocol of the workers; argument 1 says how it misbehaves, 2 is the problem.
 _FAKE = """
@@ -18,9 +18,9 @@ import json, sys, time
 from pathlib import Path
 from dataclasses import replace
 from benchmarks.exchange import write_matrix, write_state
-from vigauge.archive import load_problems
-from vigauge.gauge import FreeGauge
-from vigauge.levenberg_marquardt import Options, solve
+from vigauge.model.archive import load_problems
+from vigauge.gauge.gauges import FreeGauge
+from vigauge.solver.levenberg_marquardt import Options, solve
 import numpy as np
 manner = sys.argv[1]
 problem = load_problems(sys.argv[2])[0]

@@ -16,11 +16,11 @@ from benchmarks.problems import (
     cached_problem,
     make_problem,
 )
-from vigauge.archive import load_problems
 from vigauge.errors import DataError
-from vigauge.gauge import FreeGauge
-from vigauge.levenberg_marquardt import Options, solve
-from vigauge.residuals import cost
+from vigauge.gauge.gauges import FreeGauge
+from vigauge.model.archive import load_problems
+from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge.solver.residuals import cost
 
 
 @pytest.fixture(scope="module")

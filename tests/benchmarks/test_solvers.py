@@ -10,10 +10,10 @@ from benchmarks.model import Model
 from benchmarks.native import Unavailable, build, find_toolchain
 from benchmarks.race import COST_TOLERANCE, race_covariances, race_solves
 from support.dense import dense_jacobian, dense_residual
-from vigauge.covariance import motion_covariance
-from vigauge.gauge import FixedGauge, FreeGauge
-from vigauge.levenberg_marquardt import Options, solve
-from vigauge.residuals import cost
+from vigauge.covariance.covariance import motion_covariance
+from vigauge.gauge.gauges import FixedGauge, FreeGauge
+from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge.solver.residuals import cost
 
 TIGHT = Options(function_tolerance=1e-12)
 

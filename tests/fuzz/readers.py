@@ -18,23 +18,23 @@ import cv2
 import numpy as np
 import yaml
 
+from support import ROOT
 from support.asl import CAMERA_YAML, FRAME_NS, IMU_HEADER, IMU_NS, IMU_YAML, grey_image
 from support.random_problem import random_problem
-from vigauge.archive import load_arrays, load_problems, load_states, save_problems, save_states
-from vigauge.camera import Camera
-from vigauge.configuration import check_with, load_validator
 from vigauge.errors import VigaugeError
-from vigauge.euroc.calibration import read_camera, read_imu_noise
-from vigauge.euroc.fetch_archive import extract_sequence
-from vigauge.euroc.fetch_sources import read_sources
-from vigauge.euroc.ground_truth import read_ground_truth
-from vigauge.euroc.images import read_image
-from vigauge.euroc.plain_yaml import read_plain_yaml
-from vigauge.euroc.sequence import read_frames, read_imu
+from vigauge.geometry.camera import Camera
+from vigauge.model.archive import load_arrays, load_problems, load_states, save_problems, save_states
+from vigauge.recordings.asl.calibration import read_camera, read_imu_noise
+from vigauge.recordings.asl.ground_truth import read_ground_truth
+from vigauge.recordings.asl.images import read_image
+from vigauge.recordings.asl.plain_yaml import read_plain_yaml
+from vigauge.recordings.asl.sequence import read_frames, read_imu
+from vigauge_paper.fetch.archive import extract_sequence
+from vigauge_paper.fetch.sources import read_sources
+from vigauge_paper.run.configuration import check_with, load_validator
 
 from . import mutations
 
-ROOT = Path(__file__).resolve().parents[2]
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 CAMERA = Camera(30.0, 30.0, 19.5, 14.5, 40, 30, (0.0, 0.0, 0.0, 0.0), np.eye(3), np.zeros(3))
 STRANGE: list[object] = [None, True, -1, 0, 1e308, float("nan"), 10**30, "", "x", [], {}, [[]], "1e5"]

@@ -14,16 +14,23 @@ import pytest
 
 from support.asl import CAMERA_YAML, FRAME_NS, grey_image
 from support.random_problem import random_problem
-from vigauge.archive import load_arrays, load_problems, load_states, save_arrays, save_problems, save_states
-from vigauge.camera import Camera
-from vigauge.configuration import check_config
 from vigauge.errors import ConfigError, DataError
-from vigauge.euroc.calibration import read_camera
-from vigauge.euroc.image_header import declared_size, is_cut_short
-from vigauge.euroc.images import read_image
-from vigauge.euroc.plain_yaml import read_plain_yaml
-from vigauge.euroc.sequence import read_frames
-from vigauge.euroc.tables import read_table
+from vigauge.geometry.camera import Camera
+from vigauge.model.archive import (
+    load_arrays,
+    load_problems,
+    load_states,
+    save_arrays,
+    save_problems,
+    save_states,
+)
+from vigauge.recordings.asl.calibration import read_camera
+from vigauge.recordings.asl.image_header import declared_size, is_cut_short
+from vigauge.recordings.asl.images import read_image
+from vigauge.recordings.asl.plain_yaml import read_plain_yaml
+from vigauge.recordings.asl.sequence import read_frames
+from vigauge.recordings.asl.tables import read_table
+from vigauge_paper.run.configuration import check_config
 
 from .mutations import NPY_HEADERS, _npy
 from .readers import SCHEMA

@@ -13,13 +13,13 @@ import pytest
 
 from support.dense import columns_of, dense_jacobian, dense_residual
 from support.simulated import scene, trial
-from vigauge import so3
-from vigauge.evaluation import align_first_pose
-from vigauge.gauge import FixedGauge, FreeGauge, Gauge, PriorGauge
-from vigauge.levenberg_marquardt import Options, Solution, Status, solve
-from vigauge.problem import Problem
-from vigauge.simulation.scenario import perturbed
-from vigauge.state import State
+from vigauge.gauge.gauges import FixedGauge, FreeGauge, Gauge, PriorGauge
+from vigauge.geometry import so3
+from vigauge.model.evaluation import align_first_pose
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.solver.levenberg_marquardt import Options, Solution, Status, solve
+from vigauge.synthetic.scenario import perturbed
 
 pyceres = pytest.importorskip("pyceres")
 pytestmark = pytest.mark.oracle

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from support.simulated import estimate, scene, trial
-from vigauge.evaluation import align_first_pose, trajectory_errors
-from vigauge.state import State
+from vigauge.model.evaluation import align_first_pose, trajectory_errors
+from vigauge.model.state import State
 
 metrics = pytest.importorskip("evo.core.metrics")
 trajectory = pytest.importorskip("evo.core.trajectory")

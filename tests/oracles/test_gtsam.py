@@ -13,14 +13,14 @@ import pytest
 
 from support.random_problem import random_problem
 from support.simulated import TIGHT, trial
-from vigauge import so3
-from vigauge.covariance import motion_covariance
-from vigauge.evaluation import align_first_pose, relative_frobenius
-from vigauge.gauge import FixedGauge, FreeGauge, PriorGauge, orbit_tangent
-from vigauge.levenberg_marquardt import solve
-from vigauge.problem import Problem
-from vigauge.residuals import cost
-from vigauge.state import State
+from vigauge.covariance.covariance import motion_covariance
+from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge, orbit_tangent
+from vigauge.geometry import so3
+from vigauge.model.evaluation import align_first_pose, relative_frobenius
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.solver.levenberg_marquardt import solve
+from vigauge.solver.residuals import cost
 
 gtsam = pytest.importorskip("gtsam")
 from gtsam.symbol_shorthand import V, X  # noqa: E402

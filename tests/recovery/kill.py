@@ -3,7 +3,7 @@
     python tests/recovery/kill.py --config smoke --kills 20 --seed 1 --record docs/recovery.csv
 
 Every run starts in a fresh copy of the project. It is killed (SIGKILL to the whole process
-group) after random times, each time started again by ``python -m vigauge.cli.resume``, which is
+group) after random times, each time started again by ``python -m vigauge_paper.commands.resume``, which is
 what ``make paper`` does, and its results are compared with those of an undisturbed run: all
 bytes, but for times. The exit status is 1 where anything differs.
 """
@@ -57,7 +57,7 @@ def make_project(folder: Path) -> Path:
 
 def start(folder: Path, config: str, targets: tuple[str, ...] = ()) -> subprocess.Popen[bytes]:
     """Start, or start again: one and the same command."""
-    command = [sys.executable, "-m", "vigauge.cli.resume", "--cores", "2", *CONFIG[config]]
+    command = [sys.executable, "-m", "vigauge_paper.commands.resume", "--cores", "2", *CONFIG[config]]
     command += ["--", *targets] if targets else []
     env = {key: value for key, value in os.environ.items() if key not in ("EUROC_ROOT", "PYTHONPATH")}
     with (folder / "run.log").open("ab") as log:

@@ -1,1 +1,6 @@
-"""Shared by the tests of the estimator: problems to test on, numerical derivatives, dense algebra."""
+"""Helpers that tests share."""
+
+from pathlib import Path
+
+# The repository.
+ROOT = Path(__file__).resolve().parents[2]

@@ -6,11 +6,11 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from vigauge import so3
-from vigauge.camera import Camera
-from vigauge.problem import InertialFactors, Problem
-from vigauge.residuals import visual_residual
-from vigauge.state import State
+from vigauge.geometry import so3
+from vigauge.geometry.camera import Camera
+from vigauge.model.problem import InertialFactors, Problem
+from vigauge.model.state import State
+from vigauge.solver.residuals import visual_residual
 
 FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 G = 9.81

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from support.plain_residuals import inertial_term, visual_term
-from vigauge.problem import Problem
-from vigauge.residuals import inertial_residual, visual_residual
-from vigauge.state import State
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.solver.residuals import inertial_residual, visual_residual
 
 
 def columns_of(state: State, kind: str, index: int) -> slice:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vigauge import so3
-from vigauge.camera import project
-from vigauge.problem import Problem
-from vigauge.so3 import Array
-from vigauge.state import State
+from vigauge.geometry import so3
+from vigauge.geometry.camera import project
+from vigauge.geometry.so3 import Array
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from vigauge import so3
-from vigauge.camera import Camera
-from vigauge.problem import InertialFactors, Problem
-from vigauge.state import State
+from vigauge.geometry import so3
+from vigauge.geometry.camera import Camera
+from vigauge.model.problem import InertialFactors, Problem
+from vigauge.model.state import State
 
 
 def stereo_rig(rng: np.random.Generator) -> tuple[Camera, Camera]:

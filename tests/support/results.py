@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vigauge.archive import save_arrays
+from vigauge.model.archive import save_arrays
 
 CONFIGURATIONS = ("sine_plane", "arc_plane", "rec_plane", "sine_random", "arc_random", "rec_random")
 SEQUENCES = ("MH_01_easy", "V1_01_easy")

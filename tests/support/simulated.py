@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from vigauge.gauge import FreeGauge
-from vigauge.levenberg_marquardt import Options, solve
-from vigauge.problem import Problem
-from vigauge.simulation.scenario import Scene, make_scene, make_trial
-from vigauge.simulation.settings import SimulationSettings
-from vigauge.state import State
+from vigauge.gauge.gauges import FreeGauge
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge.synthetic.scenario import Scene, make_scene, make_trial
+from vigauge.synthetic.settings import SimulationSettings
 
 SETTINGS = SimulationSettings(
     duration_s=2.5,

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from vigauge import so3
-from vigauge.camera import Camera
-from vigauge.frontend.tracks import Tracks
-from vigauge.simulation.flight import euroc_cameras
+from vigauge.geometry import so3
+from vigauge.geometry.camera import Camera
+from vigauge.recordings.frontend.tracks import Tracks
+from vigauge_paper.stand_in.flight import euroc_cameras
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ ROOT = Path(str(workflow.current_basedir)).resolve().parents[1]
 SOURCE = ROOT / "src"
 sys.path.insert(0, str(SOURCE))
 
-from vigauge.configuration import check_config
+from vigauge_paper.run.configuration import check_config
 from vigauge.errors import ConfigError
 
 try:
@@ -143,7 +143,7 @@ wildcard_constraints:
 
 @cache
 def import_graph():
-    return grimp.build_graph("vigauge", cache_dir=None)
+    return grimp.build_graph("vigauge", "vigauge_paper", cache_dir=None)
 
 
 @cache
@@ -153,7 +153,8 @@ def code_of(stage):
     Given as inputs, so that an edit reruns the rules that use the module, and no others.
     """
     graph = import_graph()
-    command = f"vigauge.cli.{stage}"
+    library = f"vigauge.cli.{stage}"
+    command = library if library in graph.modules else f"vigauge_paper.commands.{stage}"
     modules = {command} | graph.find_upstream_modules(command)
     stems = [SOURCE.joinpath(*module.split(".")) for module in modules]
     files = [stem / "__init__.py" if stem.is_dir() else stem.with_suffix(".py") for stem in stems]

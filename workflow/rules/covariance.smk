@@ -19,7 +19,7 @@ rule covariance_simulation:
     message:
         "Covariances of {wildcards.configuration}"
     shell:
-        "python -m vigauge.cli.covariance --problems {input.problems:q} --states {input.states:q}"
+        "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
         " --prior-weight {params.weight} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
@@ -42,5 +42,5 @@ rule covariance_sequence:
     message:
         "Covariances of {wildcards.sequence}"
     shell:
-        "python -m vigauge.cli.covariance --problems {input.problems:q} --states {input.states:q}"
+        "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
         " --prior-weight {params.weight} --noise {params.noise:q} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

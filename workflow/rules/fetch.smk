@@ -25,5 +25,5 @@ rule fetch_sequence:
     message:
         "Fetching {wildcards.fetched}"
     shell:
-        "python -m vigauge.cli.fetch_euroc --sequence {wildcards.fetched:q} --sources {params.sources:q}"
+        "python -m vigauge_paper.commands.fetch_euroc --sequence {wildcards.fetched:q} --sources {params.sources:q}"
         " --output {params.folder:q} --record {output.record:q} --log {log:q}"

@@ -48,7 +48,7 @@ rule environment:
     message:
         "Recording versions, machine and configuration"
     shell:
-        "python -m vigauge.cli.environment --config {params.config:q} --checkout {params.checkout:q}"
+        "python -m vigauge_paper.commands.environment --config {params.config:q} --checkout {params.checkout:q}"
         " --source {params.source} --reports {params.reports:q} --timings {input.timings:q}"
         " --output {output:q} --stamps {input.stamps:q} --log {log:q}"
 
@@ -69,7 +69,7 @@ rule table1:
     message:
         "Table I"
     shell:
-        "python -m vigauge.cli.tables --table 1 --covariance {input.covariance:q} --output {output.csv:q}"
+        "python -m vigauge_paper.commands.tables --table 1 --covariance {input.covariance:q} --output {output.csv:q}"
         " --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -93,7 +93,7 @@ rule table2:
     message:
         "Table II"
     shell:
-        "python -m vigauge.cli.tables --table 2 --solutions {params.named:q} {params.published}"
+        "python -m vigauge_paper.commands.tables --table 2 --solutions {params.named:q} {params.published}"
         " --output {output.csv:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -121,7 +121,7 @@ rule table3:
     message:
         "Table III"
     shell:
-        "python -m vigauge.cli.tables --table 3 --solutions {params.named:q} {params.published}"
+        "python -m vigauge_paper.commands.tables --table 3 --solutions {params.named:q} {params.published}"
         " --reports {params.reports:q} --published-names {params.names:q}"
         " --source {params.source} --output {output.csv:q} --stamps {input.stamps:q} --log {log:q}"
 
@@ -145,7 +145,7 @@ rule figure_ellipses:
     message:
         "Figure 1"
     shell:
-        "python -m vigauge.cli.figure_covariance --kind ellipses --covariance {input.covariance:q}"
+        "python -m vigauge_paper.commands.figure_covariance --kind ellipses --covariance {input.covariance:q}"
         " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -172,7 +172,7 @@ rule figure_orbit:
     message:
         "Figures 2 and 8"
     shell:
-        "python -m vigauge.cli.figure_orbit --problems {input.problems:q} --trial {params.trial}"
+        "python -m vigauge_paper.commands.figure_orbit --problems {input.problems:q} --trial {params.trial}"
         " --prior-weight {params.weight} --solver {params.solver:q} --paths {output.paths:q}"
         " --transformation {output.transformation:q} --stamps {input.stamps:q} --log {log:q}"
 
@@ -195,7 +195,7 @@ rule figure_scenes:
     message:
         "Figure 3"
     shell:
-        "python -m vigauge.cli.figure_scenes --names {params.names} --truths {input.truths:q}"
+        "python -m vigauge_paper.commands.figure_scenes --names {params.names} --truths {input.truths:q}"
         " --paths {input.paths:q} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -224,7 +224,7 @@ rule figure_prior:
     message:
         "Figures 4, 5 and 6"
     shell:
-        "python -m vigauge.cli.figure_prior --sweep {input.sweep:q} --timing {input.timing:q}"
+        "python -m vigauge_paper.commands.figure_prior --sweep {input.sweep:q} --timing {input.timing:q}"
         " --trace {input.trace:q} --path-weights {params.weights} {params.published}"
         " --accuracy {output.accuracy:q} --cost {output.cost:q} --paths {output.paths:q} --stamps {input.stamps:q} --log {log:q}"
 
@@ -250,7 +250,7 @@ rule figure_simulation_cost:
     message:
         "Figure 7"
     shell:
-        "python -m vigauge.cli.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
+        "python -m vigauge_paper.commands.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
         " --source simulation {params.published} --published-file fig07_simulation_cost.csv"
         " --published-names {params.names} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
@@ -273,7 +273,7 @@ rule figure_covariance_simulation:
     message:
         "Figure 9"
     shell:
-        "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
+        "python -m vigauge_paper.commands.figure_covariance --kind matrices --covariance {input.covariance:q}"
         " --source simulation {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -296,7 +296,7 @@ rule figure_covariance_sequence:
     message:
         "Figure 10"
     shell:
-        "python -m vigauge.cli.figure_covariance --kind matrices --covariance {input.covariance:q}"
+        "python -m vigauge_paper.commands.figure_covariance --kind matrices --covariance {input.covariance:q}"
         " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -321,7 +321,7 @@ rule figure_sequence_cost:
     message:
         "Figure 11"
     shell:
-        "python -m vigauge.cli.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
+        "python -m vigauge_paper.commands.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
         " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -373,7 +373,7 @@ rule claims:
     message:
         "Judging the paper's claims"
     shell:
-        "python -m vigauge.cli.claims --solutions {params.solutions:q} --timings {params.timings:q}"
+        "python -m vigauge_paper.commands.claims --solutions {params.solutions:q} --timings {params.timings:q}"
         " --covariances {params.covariances:q} --reasons {params.reasons:q} --sweep {input.sweep:q}"
         " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --sequences {params.sequences:q}"
@@ -400,7 +400,7 @@ rule claims_page:
     message:
         "The ledger as a page with its evidence"
     shell:
-        "python -m vigauge.cli.claims_page --claims {input.claims:q} --why {input.why:q}"
+        "python -m vigauge_paper.commands.claims_page --claims {input.claims:q} --why {input.why:q}"
         " --evidence {params.evidence:q} --output {output:q} --log {log:q}"
 
 
@@ -442,7 +442,7 @@ rule comparison:
     message:
         "Published numbers and ours, with ratios"
     shell:
-        "python -m vigauge.cli.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
+        "python -m vigauge_paper.commands.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
         " --reasons data/reasons --landmark-times {input.landmark_times:q} --source {params.source} --published-names {params.names:q}"
         " --drawn {params.drawn} --output {output.csv:q} --why {output.why:q}"
         " --stamps {input.stamps:q} --log {log:q}"
@@ -473,7 +473,7 @@ rule summary:
     message:
         "Paper and reproduction side by side"
     shell:
-        "python -m vigauge.cli.summary --artefacts {params.artefacts:q} --published {params.published:q}"
+        "python -m vigauge_paper.commands.summary --artefacts {params.artefacts:q} --published {params.published:q}"
         " --source {params.source} --published-names {params.names:q} --output {output:q} --log {log:q}"
 
 
@@ -494,5 +494,5 @@ rule readme:
     message:
         "Putting the summary into README.md"
     shell:
-        "python -m vigauge.cli.readme --summary {input.summary:q} --readme {params.readme:q}"
+        "python -m vigauge_paper.commands.readme --summary {input.summary:q} --readme {params.readme:q}"
         " --figure {input.figure:q} --shown {params.shown:q} --log {log:q}"

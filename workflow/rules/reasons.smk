@@ -58,7 +58,7 @@ rule reasons:
     message:
         "Experiments that explain the results"
     shell:
-        "python -m vigauge.cli.reasons --problems {params.problems:q} --truths {params.truths:q}"
+        "python -m vigauge_paper.commands.reasons --problems {params.problems:q} --truths {params.truths:q}"
         " --traces {params.traces:q} --covariances {params.covariances:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --published {params.published:q}"
         " --prior-weight {params.weight} --solver {params.solver:q} --settings {params.settings:q}"
@@ -99,7 +99,7 @@ rule reasons_accuracy:
     message:
         "What the errors depend on"
     shell:
-        "python -m vigauge.cli.reasons_accuracy --sequences {params.sequences:q} --truths {params.truths:q}"
+        "python -m vigauge_paper.commands.reasons_accuracy --sequences {params.sequences:q} --truths {params.truths:q}"
         " --covariances {params.covariances:q} --noise {params.noise:q} --published {params.published:q}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --settings {params.settings:q}"
         " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
@@ -126,7 +126,7 @@ rule reasons_scenes:
     message:
         "What the landmarks do"
     shell:
-        "python -m vigauge.cli.reasons_scenes --configuration {params.configuration}"
+        "python -m vigauge_paper.commands.reasons_scenes --configuration {params.configuration}"
         " --published {params.published:q} --simulation {params.simulation:q} --solver {params.solver:q}"
         " --settings {params.settings:q} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
 
@@ -153,7 +153,7 @@ rule reasons_time:
     message:
         "What fixation saves of an iteration, and what landmarks add"
     shell:
-        "python -m vigauge.cli.reasons_time --configuration {params.configuration}"
+        "python -m vigauge_paper.commands.reasons_time --configuration {params.configuration}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
         " --settings {params.settings:q} --output {output.table:q} --landmark-output {output.landmarks:q}"
         " --stamp {output.stamp:q} --log {log:q}"

@@ -31,7 +31,7 @@ rule sensitivity_setting:
     message:
         "Sensitivity: {wildcards.parameter} = {wildcards.value}"
     shell:
-        "python -m vigauge.cli.sensitivity --parameter {wildcards.parameter} --value {wildcards.value}"
+        "python -m vigauge_paper.commands.sensitivity --parameter {wildcards.parameter} --value {wildcards.value}"
         " --trials {params.trials} --settings {params.settings:q} --solver {params.solver:q}"
         " --prior-weight {params.weight} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
 
@@ -57,5 +57,5 @@ rule sensitivity_summary:
     message:
         "Judging the claims over the sweep"
     shell:
-        "python -m vigauge.cli.sensitivity_summary --folder {params.folder:q} --settings {params.settings:q}"
+        "python -m vigauge_paper.commands.sensitivity_summary --folder {params.folder:q} --settings {params.settings:q}"
         " --published {params.published:q} --criteria {params.criteria:q} --output {output.summary:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

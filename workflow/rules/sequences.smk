@@ -17,7 +17,7 @@ rule render:
     message:
         "Rendering the stand-in {wildcards.scene} (not EuRoC)"
     shell:
-        "python -m vigauge.cli.render --scene {wildcards.scene} --output data/rendered"
+        "python -m vigauge_paper.commands.render --scene {wildcards.scene} --output data/rendered"
         " --settings {params.settings:q} --stamp {output.stamp:q} --log {log:q}"
 
 
@@ -67,6 +67,6 @@ rule front_end:
     message:
         "Front-end on {wildcards.sequence}"
     shell:
-        "python -m vigauge.cli.front_end --sequence {params.folder:q} --biases {params.biases:q}"
+        "python -m vigauge_paper.commands.front_end --sequence {params.folder:q} --biases {params.biases:q}"
         " --truth {params.truth:q} --settings {params.settings:q} {params.sort} --output {output.problem:q}"
         " --truth-output {output.truth:q} --report {output.report:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

@@ -19,6 +19,6 @@ rule simulate:
     message:
         "Simulating {wildcards.trajectory} {wildcards.points}"
     shell:
-        "python -m vigauge.cli.simulate --trajectory {wildcards.trajectory} --points {wildcards.points}"
+        "python -m vigauge_paper.commands.simulate --trajectory {wildcards.trajectory} --points {wildcards.points}"
         " --settings {params.settings:q} --problems {output.problems:q} --truth {output.truth:q}"
         " --path {output.path:q} --report {output.report:q} --stamp {output.stamp:q} --log {log:q}"

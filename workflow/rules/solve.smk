@@ -26,7 +26,7 @@ rule solve_simulation:
     message:
         "Solving {wildcards.configuration} in three gauges"
     shell:
-        "python -m vigauge.cli.solve --problems {input.problems:q} --truth {input.truth:q}"
+        "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truth:q}"
         " --prior-weight {params.weight} --solver {params.solver:q} --repeats {params.repeats}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
         " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"
@@ -58,7 +58,7 @@ rule solve_sequence:
     message:
         "Solving {wildcards.sequence} in three gauges"
     shell:
-        "python -m vigauge.cli.solve --problems {input.problems:q} --truth {input.truth:q}"
+        "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truth:q}"
         " --prior-weight {params.weight} --solver {params.solver:q} --noise {params.noise:q}"
         " --repeats {params.repeats}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
@@ -87,6 +87,6 @@ rule prior_sweep:
     message:
         "Solving under a range of prior weights"
     shell:
-        "python -m vigauge.cli.prior_sweep --problems {input.problems:q} --truth {input.truth:q}"
+        "python -m vigauge_paper.commands.prior_sweep --problems {input.problems:q} --truth {input.truth:q}"
         " --weights {params.weights} --solver {params.solver:q}"
         " --sweep {output.sweep:q} --trace {output.trace:q} --timing {output.timing:q} --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"

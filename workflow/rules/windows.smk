@@ -35,7 +35,7 @@ rule window:
     message:
         "Window {wildcards.window}"
     shell:
-        "python -m vigauge.cli.window --name {wildcards.window} --sequence {params.folder:q}"
+        "python -m vigauge_paper.commands.window --name {wildcards.window} --sequence {params.folder:q}"
         " --truth {params.truth:q} --biases {params.biases:q} --settings {params.settings:q}"
         " --noise {params.noise:q} --prior-weight {params.weight} --solver {params.solver:q}"
         " --output {output:q} --log {log:q}"
@@ -58,5 +58,5 @@ rule windows_table:
     message:
         "Windows of all recordings"
     shell:
-        "python -m vigauge.cli.windows --rows {input.rows:q} --source {params.source}"
+        "python -m vigauge_paper.commands.windows --rows {input.rows:q} --source {params.source}"
         " --output {output.csv:q} --summary {output.summary:q} --log {log:q}"

@@ -10,9 +10,9 @@ import json
 import sys
 from pathlib import Path
 
-from vigauge.checks.sequence import Window, check_sequence
-from vigauge.cli.stage import LOG, parser, run
+from vigauge.cli.command import LOG, parser, run
 from vigauge.files import write_json
+from vigauge.recordings.checks.sequence import Window, check_sequence
 
 # sysexits.h: a defect of this program, which must not look like a warning about the data.
 _EXIT_DEFECT = 70

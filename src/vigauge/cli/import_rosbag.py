@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from vigauge.cli.stage import LOG, parser, run
-from vigauge.euroc.rosbag import Topics, import_rosbag
+from vigauge.cli.command import LOG, parser, run
+from vigauge.recordings.asl.rosbag import Topics, import_rosbag
 
 
 def work(options: argparse.Namespace) -> None:

@@ -13,7 +13,7 @@ from numba import types
 from numba.extending import get_cython_function_address
 from numpy.typing import NDArray
 
-from ..so3 import Array
+from ..geometry.so3 import Array
 from .compiled import part
 
 _INT = types.CPointer(types.int32)

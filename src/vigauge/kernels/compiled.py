@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from .. import so3
+from ..geometry import so3
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..so3 import Array
+from ..geometry.so3 import Array
 from .compiled import kernel, part
 from .lanes import LANES, Batches, Index
 
@@ -139,7 +139,9 @@ def arrange(
     group_seen: Index,
     seen: Index,
 ) -> tuple[int, int, int]:
-    """Fill the arrays of :class:`vigauge.structure.Structure`; how many cells, views and ``seen`` there are.
+    """Fill the arrays of :class:`vigauge.sparsity.structure.Structure`.
+
+    Returns how many cells, views and entries of ``seen`` there are.
 
     Observations come ordered by landmark, then keyframe. A landmark that a camera sees twice from
     one keyframe takes two views.

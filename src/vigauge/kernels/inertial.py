@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..so3 import Array
+from ..geometry.so3 import Array
 from . import rotation
 from .compiled import kernel, part
 from .lanes import Index

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..so3 import Array
+from ..geometry.so3 import Array
 from .compiled import part
 
 Index = NDArray[np.int64]

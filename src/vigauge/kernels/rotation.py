@@ -1,4 +1,4 @@
-"""Scalar forms of :mod:`vigauge.so3`, for use inside kernels; matrices are filled in place."""
+"""Scalar forms of :mod:`vigauge.geometry.so3`, for use inside kernels; matrices are filled in place."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..so3 import SERIES_ANGLE, Array
+from ..geometry.so3 import SERIES_ANGLE, Array
 from .compiled import kernel, part
 
 SERIES_SQUARED = SERIES_ANGLE**2
@@ -115,7 +115,7 @@ def retract_rotations(R_WB: Array, step: Array, dphi_0: Array, R_ref: Array, out
 
 @kernel
 def orbit_tangent(p_W: Array, v_W: Array, X_W: Array, dphi_0: Array, U: Array) -> None:
-    """Eq. (15) into ``U`` (9N + 3K, 4): columns (yaw, x, y, z), rows as in :mod:`vigauge.state`."""
+    """Eq. (15) into ``U`` (9N + 3K, 4): columns (yaw, x, y, z), rows as in :mod:`vigauge.model.state`."""
     n = len(p_W)
     U[:] = 0.0
     for vectors, start in ((p_W, 0), (v_W, 6 * n), (X_W, 9 * n)):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..so3 import Array
+from ..geometry.so3 import Array
 from . import blas
 from .compiled import kernel, part
 from .covisibility import LONG_GAPS

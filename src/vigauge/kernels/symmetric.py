@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..so3 import Array
+from ..geometry.so3 import Array
 from .compiled import kernel, part
 from .lanes import Index
 

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from ..so3 import Array
+from ..geometry.so3 import Array
 from .compiled import kernel, part
 from .lanes import LANES as L
 from .lanes import Batches, Index, gather_points

@@ -1,0 +1,1 @@
+"""Gauges: what each holds, adds and constrains."""

@@ -1,0 +1,237 @@
+"""Problems and states on disk: plain ``.npz`` archives, no pickles, same content same bytes.
+
+An archive holds a list: entry i has its arrays under the names ``i/field``. What an archive
+says of itself is checked before memory is reserved for it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any, TypeVar
+
+import numpy as np
+
+from ..errors import DataError
+from ..files import atomic_path
+from ..geometry.camera import Camera
+from .problem import InertialFactors, Problem
+from .state import State
+
+PathLike = str | os.PathLike[str]
+T = TypeVar("T")
+
+# Ours are stored as they are and the published matrices compress to a tenth; a bomb does 1000 to one.
+_EXPANSION = 100
+_ALWAYS_ALLOWED_BYTES = 1_000_000
+_ENCRYPTED = 0x1
+_KINDS = "biufcU"
+# What zipfile and NumPy raise on files that are not what they seem.
+_BROKEN = (
+    ValueError, TypeError, OSError, EOFError, KeyError, IndexError, RuntimeError, MemoryError, OverflowError,
+    SyntaxError, tokenize.TokenError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+_STATE = ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref")
+_FACTORS = ("first", "second", "dt", "dp", "dR", "dv", "covariance")
+_CAMERAS = {"intrinsics": (4,), "size": (2,), "distortion": (4,), "R_BC": (3, 3), "p_BC": (3,)}
+_OBSERVATIONS = ("obs_keyframe", "obs_camera", "obs_landmark", "obs_uv")
+_INTEGERS = {"first", "second", "obs_keyframe", "obs_camera", "obs_landmark", "cameras.size"}
+
+
+def save_arrays(path: PathLike, arrays: Mapping[str, Any]) -> None:
+    """Write named arrays to ``path`` (.npz), all or nothing."""
+    with atomic_path(path) as temporary:
+        np.savez(temporary, **arrays)
+
+
+def load_arrays(path: PathLike) -> dict[str, np.ndarray]:
+    """Read all arrays of an ``.npz`` file; DataError where it is missing or broken."""
+    if not Path(path).is_file():
+        raise DataError(path, "file must exist")
+    try:
+        _require_honest(Path(path))
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except _BROKEN as error:
+        raise DataError(path, f"must be an npz archive without pickles: {error}") from error
+
+
+def _require_honest(path: Path) -> None:
+    """ValueError where members are not arrays of the size that their headers name, or are bombs."""
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        if len({member.filename for member in members}) != len(members):
+            raise ValueError("two members have one name")
+        total = sum(member.file_size for member in members)
+        if total > max(_ALWAYS_ALLOWED_BYTES, _EXPANSION * path.stat().st_size):
+            raise ValueError(f"its members would take {total} bytes")
+        for member in members:
+            if member.flag_bits & _ENCRYPTED or member.compress_type not in (
+                zipfile.ZIP_STORED,
+                zipfile.ZIP_DEFLATED,
+            ):
+                raise ValueError(f"{member.filename} must be stored or deflated, and not encrypted")
+            with archive.open(member) as stream:
+                _require_array(member, stream)
+
+
+def _require_array(member: zipfile.ZipInfo, stream: IO[bytes]) -> None:
+    """ValueError where a member is not an ``.npy`` file of plain numbers or text, whole and no longer."""
+    version = np.lib.format.read_magic(stream)
+    if version == (1, 0):
+        shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+    elif version == (2, 0):
+        shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
+    else:
+        raise ValueError(f"{member.filename} has format version {version}")
+    if dtype.kind not in _KINDS:
+        raise ValueError(f"{member.filename} must hold numbers or text, not {dtype}")
+    size = math.prod(shape) * dtype.itemsize
+    if min(shape, default=0) < 0 or size != member.file_size - stream.tell():
+        raise ValueError(f"{member.filename} has another size than its header says")
+
+
+def _state_arrays(state: State) -> dict[str, np.ndarray]:
+    return {name: getattr(state, name) for name in _STATE}
+
+
+def _problem_arrays(problem: Problem) -> dict[str, Any]:
+    arrays: dict[str, Any] = {f"initial.{k}": v for k, v in _state_arrays(problem.initial).items()}
+    arrays |= {f"inertial.{name}": getattr(problem.inertial, name) for name in _FACTORS}
+    arrays |= {name: getattr(problem, name) for name in _OBSERVATIONS}
+    arrays["sigma_px"] = problem.sigma_px
+    arrays["gravity"] = problem.gravity
+    for camera_field, values in (
+        ("intrinsics", [[c.fx, c.fy, c.cx, c.cy] for c in problem.cameras]),
+        ("size", [[c.width, c.height] for c in problem.cameras]),
+        ("distortion", [c.distortion for c in problem.cameras]),
+        ("R_BC", [c.R_BC for c in problem.cameras]),
+        ("p_BC", [c.p_BC for c in problem.cameras]),
+    ):
+        dtype = np.int64 if f"cameras.{camera_field}" in _INTEGERS else np.float64
+        arrays[f"cameras.{camera_field}"] = np.array(values, dtype=dtype).reshape(-1, *_CAMERAS[camera_field])
+    return arrays
+
+
+class _Entry:
+    """The fields of one entry, each checked for its type when it is taken."""
+
+    def __init__(self, fields: Mapping[str, np.ndarray]) -> None:
+        self.fields = fields
+
+    def take(self, name: str, *, number: bool = False) -> np.ndarray:
+        if name not in self.fields:
+            raise DataError("entry", "field must be present", field=name)
+        array = self.fields[name]
+        integer = name.removeprefix("inertial.") in _INTEGERS
+        if array.dtype != (np.int64 if integer else np.float64):
+            rule = "must be 64-bit integers" if integer else "must be 64-bit floats"
+            raise DataError("entry", rule, field=name, value=array.dtype)
+        if (array.ndim == 0) != number:
+            rule = "must be a single number" if number else "must be an array"
+            raise DataError("entry", rule, field=name, value=array.shape)
+        return array
+
+
+def _state_from(entry: _Entry, prefix: str = "") -> State:
+    return State(**{name: entry.take(prefix + name) for name in _STATE}).require_valid()
+
+
+def _status_from(entry: _Entry) -> str:
+    status = entry.fields.get("status")
+    if status is None or status.dtype.kind != "U" or status.ndim:
+        raise DataError("entry", "must be the status of a run", field="status")
+    return str(status)
+
+
+def _cameras_from(entry: _Entry) -> tuple[Camera, ...]:
+    arrays = {name: entry.take(f"cameras.{name}") for name in _CAMERAS}
+    count = len(arrays["intrinsics"])
+    for name, shape in _CAMERAS.items():
+        if arrays[name].shape != (count, *shape):
+            raise DataError(
+                "entry", f"shape must be {(count, *shape)}", field=f"cameras.{name}", value=arrays[name].shape
+            )
+    return tuple(
+        Camera(*map(float, k), int(size[0]), int(size[1]), tuple(map(float, d)), R, p)  # type: ignore[arg-type, call-arg]
+        for k, size, d, R, p in zip(*arrays.values(), strict=True)
+    )
+
+
+def _problem_from(entry: _Entry) -> Problem:
+    return Problem(
+        initial=_state_from(entry, "initial."),
+        cameras=_cameras_from(entry),
+        inertial=InertialFactors(**{name: entry.take(f"inertial.{name}") for name in _FACTORS}),
+        sigma_px=float(entry.take("sigma_px", number=True)),
+        gravity=float(entry.take("gravity", number=True)),
+        **{name: entry.take(name) for name in _OBSERVATIONS},
+    )
+
+
+def _save_list(path: PathLike, kind: str, entries: Sequence[Mapping[str, Any]]) -> None:
+    arrays: dict[str, Any] = {"kind": np.array(kind), "count": np.array(len(entries))}
+    for index, entry in enumerate(entries):
+        arrays |= {f"{index}/{name}": value for name, value in entry.items()}
+    save_arrays(path, arrays)
+
+
+def _load_list(path: PathLike, kind: str, build: Callable[[_Entry], T]) -> list[T]:
+    arrays = load_arrays(path)
+    found = str(arrays.get("kind", ""))
+    if found != kind:
+        raise DataError(path, f"must hold {kind}", field="kind", value=found)
+    count = arrays.get("count")
+    if count is None or count.shape != () or count.dtype.kind != "i" or not 0 <= count <= len(arrays):
+        raise DataError(path, "must be a number of entries that are there", field="count", value=count)
+    entries: list[dict[str, np.ndarray]] = [{} for _ in range(int(count))]
+    places = {str(index): entry for index, entry in enumerate(entries)}
+    for name, value in arrays.items():
+        index, slash, field = name.partition("/")
+        if slash and index not in places:
+            raise DataError(path, f"must belong to one of {len(entries)} entries", field=name)
+        if slash:
+            places[index][field] = value
+    out = []
+    for number, entry in enumerate(entries):
+        try:
+            out.append(build(_Entry(entry)))
+        except DataError as error:
+            rule = f"entry {number}: {error.rule}"
+            raise DataError(path, rule, row=error.row, field=error.field, value=error.value) from error
+    return out
+
+
+def save_problems(path: PathLike, problems: Sequence[Problem]) -> None:
+    """Write problems to one archive."""
+    _save_list(path, "problems", [_problem_arrays(problem) for problem in problems])
+
+
+def load_problems(path: PathLike) -> list[Problem]:
+    """Read what :func:`save_problems` wrote; DataError where a field is missing or wrong."""
+    return _load_list(path, "problems", _problem_from)
+
+
+def save_states(path: PathLike, states: Sequence[State], statuses: Sequence[str] = ()) -> None:
+    """Write states to one archive, estimates with the status of the run that each ended."""
+    labels: list[dict[str, Any]] = [{"status": np.array(status)} for status in statuses] or [
+        {} for _ in states
+    ]
+    _save_list(path, "states", [_state_arrays(s) | label for s, label in zip(states, labels, strict=True)])
+
+
+def load_states(path: PathLike) -> list[State]:
+    """Read what :func:`save_states` wrote; DataError where a field is missing or wrong."""
+    return _load_list(path, "states", _state_from)
+
+
+def load_statuses(path: PathLike) -> list[str]:
+    """Status of the run that each state of an archive ended; DataError where there is none."""
+    return _load_list(path, "states", _status_from)

@@ -1,0 +1,391 @@
+"""What no measurement sees: the null space of H, direction by direction and by name.
+
+A visual-inertial problem has four null directions, the tangent of its orbit, Eq. (15):
+position and yaw. Any further one makes it degenerate, and its covariance has no meaning.
+Here the null space is computed, the expected directions are taken out, and the rest is
+compared with the motions that are known to leave measurements as they are (scale, tilt, a
+keyframe's velocity, one part of the measurement graph against another, a landmark along
+its ray), so that the answer names states and not numbers.
+
+Directions are compared after Jacobi scaling, in which metres, radians and near or far
+landmarks weigh alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from ..errors import DataError
+from ..gauge.gauges import orbit_tangent
+from ..geometry import so3
+from ..geometry.so3 import Array
+from ..model.problem import Problem
+from ..model.state import State
+from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
+from ..sparsity.layout import Index
+from .null_space import ROUNDING, NullSpace
+from .unobservable import measurement_graph, scaling, unobservable_moves
+
+# A quantity is determined if zero lies more than three of its standard deviations away.
+_SIGMAS = 3.0
+# Information that noise alone gives is a chi-square; beyond this quantile it is signal.
+_QUANTILE = 0.999
+
+# Below these, next to the distance of the landmarks and in radians, a flight does not move.
+_STILL_SHARE = 5e-3
+_STILL_TURN = np.radians(1.0)
+
+COMBINATION = "combination"
+_LANDMARKS_ONLY = {"position": 0.0, "rotation": 0.0, "velocity": 0.0, "landmark": 1.0}
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Null directions of one kind.
+
+    Attributes
+    ----------
+    kind : "scale", "roll and pitch", "velocity", "depth", ...; "combination" where no name fits
+    count : how many dimensions it has
+    keyframes, landmarks : which it concerns; empty: all of them
+    eigenvalue : largest of them in the scaled matrix, next to that matrix' largest
+    shares : part of the squared length, by block (position, rotation, velocity, landmark)
+    """
+
+    kind: str
+    count: int
+    eigenvalue: float
+    shares: Mapping[str, float]
+    keyframes: tuple[int, ...] = ()
+    landmarks: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        if self.landmarks:
+            return f"{self.kind} of {_listed('landmark', self.landmarks)}"
+        if self.kind == COMBINATION:
+            largest = [name for name, share in self.shares.items() if share > 0.1]
+            return f"{self.count} {COMBINATION}{'s' * (self.count > 1)} of {', '.join(largest)}"
+        where = f" of {_listed('keyframe', self.keyframes)}" if self.keyframes else ""
+        return self.kind + where
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What H says about its problem.
+
+    Attributes
+    ----------
+    n_parameters : size of H
+    expected : number of null directions that the gauge explains, and that are there
+    missing : number of expected directions that H does not have: something absolute is measured
+    extra : null directions beyond them
+    weak : directions with information, but no more than noise gives (three sigma reach zero)
+    eigenvalues : of the scaled matrix (reduced onto the motion for a problem), ascending
+    gap : smallest eigenvalue that counts, over the largest that does not
+    motion : "moving", "standing still" or "pure rotation"; empty for a bare matrix
+    cause : why there are extra or weak directions, where that is known
+    """
+
+    n_parameters: int
+    expected: int
+    missing: int
+    extra: tuple[Direction, ...]
+    weak: tuple[Direction, ...]
+    eigenvalues: Array
+    gap: float
+    motion: str = ""
+    cause: str = ""
+
+    @property
+    def degenerate(self) -> bool:
+        """Whether more than the gauge is unobservable."""
+        return bool(self.extra or self.weak)
+
+    @property
+    def rank(self) -> int:
+        """Rank of H."""
+        return self.n_parameters - self.expected - sum(direction.count for direction in self.extra)
+
+    @property
+    def sentence(self) -> str:
+        """The finding in one sentence."""
+        why = f" ({self.cause})" if self.cause else ""
+        if not self.degenerate:
+            return f"regular: rank {self.rank} of {self.n_parameters}, gap {self.gap:.0e}{why}"
+        parts = []
+        if self.extra:
+            count = sum(direction.count for direction in self.extra)
+            names = ", ".join(map(str, self.extra))
+            parts.append(f"{count} more than the gauge unobservable: {names}")
+        if self.weak:
+            parts.append(f"no better known than noise: {', '.join(map(str, self.weak))}")
+        return f"degenerate{why}: {'; '.join(parts)}"
+
+    @property
+    def withheld(self) -> str:
+        """Why a covariance would mean nothing, in one sentence; empty where it means something.
+
+        Not only degenerate problems: where nothing moves, every view repeats the first, so its
+        errors are no independent draws of the noise that the covariance believes in.
+        """
+        if self.degenerate:
+            return self.sentence
+        if self.motion == "standing still":
+            return "standing still: all views repeat the first, so their errors are not independent"
+        return ""
+
+
+def _listed(what: str, numbers: Sequence[int]) -> str:
+    """'keyframe 3', 'keyframes 0 to 9', 'landmarks 1, 4, 7 and 21 more'."""
+    if len(numbers) == 1:
+        return f"{what} {numbers[0]}"
+    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
+        return f"{what}s {numbers[0]} to {numbers[-1]}"
+    shown = ", ".join(map(str, numbers[:6]))
+    return f"{what}s {shown}" + (f" and {len(numbers) - 6} more" if len(numbers) > 6 else "")
+
+
+def diagnose_hessian(H: Array, U: Array, blocks: Mapping[str, Index] | None = None) -> Diagnosis:
+    """Null directions of any estimator's information matrix beyond the ones that its gauge explains.
+
+    Parameters
+    ----------
+    H : (n, n) information matrix, symmetric
+    U : (n, d) null directions that are expected (4 for visual-inertial, 7 for monocular problems)
+    blocks : parameters of each named block; a null direction is named by the block that it lies
+        in, or else as a combination with its shares. Without them all of H is one block.
+
+    Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric.
+    """
+    n = len(H)
+    if H.shape != (n, n) or U.ndim != 2 or len(U) != n:
+        raise DataError("H", "must be square, with as many rows as U", value=(H.shape, U.shape))
+    if not (np.all(np.isfinite(H)) and np.all(np.isfinite(U))):
+        raise DataError("H", "entries of H and U must be finite")
+    if np.max(np.abs(H - H.T)) > 1e-8 * np.max(np.abs(H)):
+        raise DataError("H", "must be symmetric", value=float(np.max(np.abs(H - H.T))))
+    null = NullSpace(H, np.diagonal(H))
+    expected = null.take(U).shape[1]
+    parts = dict(blocks) if blocks else {"parameters": np.arange(n, dtype=np.int64)}
+    extra = []
+    for name, rows in parts.items():
+        found = null.take(np.eye(n)[:, rows]) if blocks else null.explained[:, :0]
+        if found.shape[1]:
+            extra.append(Direction(name, found.shape[1], null.eigenvalue(found), _shares(found, parts)))
+    rest = null.rest()
+    if rest.shape[1]:
+        extra.append(Direction(COMBINATION, rest.shape[1], null.eigenvalue(rest), _shares(rest, parts)))
+    return Diagnosis(
+        n, expected, U.shape[1] - expected, tuple(extra), (), null.eigenvalues / null.largest, null.gap
+    )
+
+
+def _shares(directions: Array, blocks: Mapping[str, Index]) -> dict[str, float]:
+    total = float(np.sum(directions**2))
+    return {name: float(np.sum(directions[rows] ** 2)) / total for name, rows in blocks.items()}
+
+
+def diagnose(problem: Problem, state: State) -> Diagnosis:
+    """Which directions of a visual-inertial problem no measurement sees at a state, and why.
+
+    Singular landmark blocks are found and named too, where elimination would refuse them.
+
+    Raises DataError where a residual's derivative is not finite at the state.
+    """
+    return diagnose_equations(linearise(problem, state), problem, state)
+
+
+def diagnose_equations(equations: NormalEquations, problem: Problem, state: State) -> Diagnosis:
+    """As :func:`diagnose`, from normal equations at hand (without any gauge's prior).
+
+    Raises DataError where they are not finite.
+    """
+    if not (np.all(np.isfinite(equations.storage)) and np.all(np.isfinite(equations.landmark))):
+        raise DataError("normal equations", "must be finite at the state")
+    landmarks, filled = _fill_landmarks(equations)
+    reduced = filled.eliminate()
+    n_motion = 9 * state.n_keyframes
+    null = NullSpace(reduced.matrix, equations.diagonal()[:n_motion])
+    found = _Findings(null, reduced, equations)
+    expected = null.take(orbit_tangent(state)[:n_motion]).shape[1]
+    for kind, keyframes, candidates in unobservable_moves(problem, state):
+        found.add(kind, keyframes, null.take(candidates))
+    found.add(COMBINATION, (), null.rest())
+    extra = [*found.directions, *landmarks]
+    weak = (
+        *_weak_scale(found, equations, problem, state),
+        *_weak_depths(equations, filled, landmarks, state),
+    )
+    motion = _motion(equations, state)
+    open_ones = [*extra, *weak]
+    blind = sum(len(direction.landmarks) for direction in open_ones)
+    scale = any(direction.kind == "scale" for direction in open_ones)
+    return Diagnosis(
+        n_parameters=state.n_parameters,
+        expected=expected,
+        missing=4 - expected,
+        extra=tuple(extra),
+        weak=weak,
+        eigenvalues=null.eigenvalues / null.largest,
+        gap=null.gap,
+        motion=motion,
+        cause=_cause(problem, state, motion, blind, scale) if open_ones else "",
+    )
+
+
+def _fill_landmarks(equations: NormalEquations) -> tuple[list[Direction], NormalEquations]:
+    """Landmarks with a direction that no view measures, and equations in which it is filled up.
+
+    A direction without information in a landmark's own block couples with nothing, so
+    information added along it leaves the reduced camera system as it is.
+    """
+    C = equations.landmark
+    if not len(C):
+        return [], equations
+    diagonal = np.diagonal(C, axis1=1, axis2=2)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(C / scale[:, :, None] / scale[:, None, :])
+    null = values < ROUNDING
+    blind = vectors * null[:, None, :]
+    fill = scale[:, :, None] * (blind @ blind.swapaxes(1, 2)) * scale[:, None, :]
+    numbers = np.flatnonzero(null.any(axis=1))
+    if not len(numbers):
+        return [], equations
+    count = int(null.sum())
+    largest = float(np.max(np.abs(values[null])))
+    name = "depth" if count == len(numbers) else "place"
+    direction = Direction(name, count, largest, _LANDMARKS_ONLY, landmarks=tuple(map(int, numbers)))
+    return [direction], replace(equations, landmark=C + fill)
+
+
+class _Findings:
+    """Named null directions of the reduced system, neighbours of one kind merged into one."""
+
+    def __init__(self, null: NullSpace, reduced: ReducedSystem, equations: NormalEquations) -> None:
+        self.null, self.reduced, self.equations = null, reduced, equations
+        self.directions: list[Direction] = []
+
+    def add(self, kind: str, keyframes: tuple[int, ...], vectors: Array) -> None:
+        if not vectors.shape[1]:
+            return
+        direction = Direction(
+            kind, vectors.shape[1], self.null.eigenvalue(vectors), self.shares(vectors), keyframes
+        )
+        last = self.directions[-1] if self.directions else None
+        if last is not None and last.kind == kind and keyframes and last.keyframes:
+            direction = replace(
+                direction,
+                count=last.count + direction.count,
+                eigenvalue=max(last.eigenvalue, direction.eigenvalue),
+                keyframes=last.keyframes + keyframes,
+                shares={
+                    name: (last.count * last.shares[name] + direction.count * share)
+                    / (last.count + direction.count)
+                    for name, share in direction.shares.items()
+                },
+            )
+            self.directions.pop()
+        self.directions.append(direction)
+
+    def shares(self, vectors: Array) -> dict[str, float]:
+        """Shares by block, the landmarks that go along with the motion included."""
+        squares = (vectors**2).reshape(3, -1).sum(axis=1)
+        landmark = 0.0
+        if self.reduced.structure.n_landmarks:
+            motion = vectors / self.null.scale[:, None]
+            none = np.zeros((3 * self.equations.structure.n_landmarks, vectors.shape[1]))
+            step = self.reduced.through_landmarks(none, motion).reshape(-1, 3, vectors.shape[1])
+            diagonal = np.diagonal(self.equations.landmark, axis1=1, axis2=2)
+            landmark = float(np.sum(diagonal[:, :, None] * step**2))
+        parts = dict(zip(("position", "rotation", "velocity"), map(float, squares), strict=True))
+        total = float(squares.sum()) + landmark
+        return {name: value / total for name, value in (parts | {"landmark": landmark}).items()}
+
+
+def _weak_scale(
+    found: _Findings, equations: NormalEquations, problem: Problem, state: State
+) -> tuple[Direction, ...]:
+    """The scale, where changing it by all of itself costs no more than noise does.
+
+    With one camera the scale comes from accelerations only: its information is the energy of
+    their whitened signal, and that of noise is a chi-square of six numbers a factor.
+    """
+    named = any(direction.kind == "scale" for direction in found.directions)
+    if named or state.n_keyframes < 2 or not state.n_landmarks:
+        return ()
+    motion, landmark = scaling(problem, state)
+    noise = chi2.ppf(_QUANTILE, max(6 * len(problem.inertial.dt), 1))
+    change = np.concatenate([motion, landmark.ravel()])
+    if change @ equations.times(change) > max(_SIGMAS**2, noise):
+        return ()
+    scaled = (motion * found.null.scale)[:, None]
+    length = float(np.linalg.norm(scaled))
+    # Without any motion the scale moves landmarks along their rays only, which is a matter of depths.
+    if length < 1e-6:
+        return ()
+    return (Direction("scale", 1, found.null.eigenvalue(scaled / length), found.shares(scaled / length)),)
+
+
+def _rays(equations: NormalEquations, state: State) -> tuple[Array, Array]:
+    """(K,) distance of each landmark from the mean of its observers, and the (K, 3) unit rays."""
+    pairs = equations.structure.pairs
+    total = np.zeros((state.n_landmarks, 3))
+    np.add.at(total, pairs.landmark, state.p_W[pairs.keyframe])
+    views = np.bincount(pairs.landmark, minlength=state.n_landmarks)
+    ray = state.X_W - total / views[:, None]
+    distance = np.linalg.norm(ray, axis=1)
+    return distance, ray / np.maximum(distance, np.finfo(float).tiny)[:, None]
+
+
+def _weak_depths(
+    equations: NormalEquations, filled: NormalEquations, null: Sequence[Direction], state: State
+) -> tuple[Direction, ...]:
+    """Depths within three sigma of nothing at known poses, where that is so for most landmarks.
+
+    A few far landmarks harm nothing; where most have no depth the views have no parallax.
+    """
+    known = {number for direction in null for number in direction.landmarks}
+    if not state.n_landmarks:
+        return ()
+    distance, ray = _rays(equations, state)
+    variance = np.einsum("ki,kij,kj->k", ray, np.linalg.inv(filled.landmark), ray)
+    weak = set(map(int, np.flatnonzero(_SIGMAS**2 * variance > distance**2))) - known
+    if 2 * (len(weak) + len(known)) <= state.n_landmarks or not weak:
+        return ()
+    information = np.einsum("ki,kij,kj->k", ray, equations.landmark, ray)
+    largest = float(
+        np.max(information[sorted(weak)] / np.trace(equations.landmark, axis1=1, axis2=2)[sorted(weak)])
+    )
+    return (Direction("depth", len(weak), largest, _LANDMARKS_ONLY, landmarks=tuple(sorted(weak))),)
+
+
+def _motion(equations: NormalEquations, state: State) -> str:
+    """Whether the body moved: next to the distance of the landmarks, or to a metre without any."""
+    unit = float(np.median(_rays(equations, state)[0])) if state.n_landmarks else 1.0
+    extent = float(np.max(np.linalg.norm(state.p_W - state.p_W.mean(axis=0), axis=1)))
+    turn = float(np.max(np.linalg.norm(so3.log(state.R_WB @ state.R_WB[0].T), axis=1)))
+    if state.n_keyframes < 2 or extent > _STILL_SHARE * unit:
+        return "moving"
+    return "standing still" if turn < _STILL_TURN else "pure rotation"
+
+
+def _cause(problem: Problem, state: State, motion: str, blind: int, scale: bool) -> str:
+    """What in the data makes a problem degenerate, where it is one of the known things."""
+    if state.n_keyframes == 1:
+        return "a single keyframe"
+    count, _ = measurement_graph(problem)
+    if count > 1:
+        return f"the measurements join the keyframes into {count} separate parts"
+    if not state.n_landmarks:
+        return "no landmarks"
+    if motion != "moving":
+        return motion
+    if 2 * blind > state.n_landmarks:
+        return f"{blind} of {state.n_landmarks} landmarks without parallax"
+    if not len(problem.inertial.dt):
+        return "no inertial measurements"
+    return "no acceleration beyond noise" if scale else ""

@@ -1,0 +1,1 @@
+"""Readers of the ASL (EuRoC) layout, and the import from rosbags."""

@@ -1,0 +1,109 @@
+"""The ``sensor.yaml`` of ASL folders: cameras, and the noise of the inertial sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import DataError
+from ...geometry.camera import Camera
+from ...geometry.so3 import Array
+from ...model.imu import ImuNoise
+from .plain_yaml import read_plain_yaml
+
+# Published extrinsics have 6 to 12 digits.
+_ROTATION_TOLERANCE = 1e-4
+_IDENTITY_TOLERANCE = 1e-9
+# No camera has more; a file that says so would make a lying image header pass.
+_LARGEST_SIDE_PX = 16_384
+
+
+def read_sensor_yaml(path: Path) -> Mapping[str, Any]:
+    """The keys of a ``sensor.yaml``; DataError where the file is missing or no plain YAML mapping."""
+    content = read_plain_yaml(path)
+    if not isinstance(content, dict):
+        raise DataError(path, "must hold a mapping of keys", value=type(content).__name__)
+    return content
+
+
+def read_camera(path: Path) -> Camera:
+    """A pinhole camera with radial-tangential distortion from its ``sensor.yaml``.
+
+    ``T_BS`` takes sensor to body coordinates, which is this package's ``T_BC``.
+    """
+    content = read_sensor_yaml(path)
+    for key, model in (("camera_model", "pinhole"), ("distortion_model", "radial-tangential")):
+        if content.get(key) != model:
+            raise DataError(path, f"must be {model}", field=key, value=content.get(key))
+    fx, fy, cx, cy = _numbers(path, content, "intrinsics", 4)
+    if fx <= 0.0 or fy <= 0.0:
+        raise DataError(path, "focal lengths must be positive", field="intrinsics", value=(fx, fy))
+    width, height = _numbers(path, content, "resolution", 2)
+    if not all(side == int(side) and 1 <= side <= _LARGEST_SIDE_PX for side in (width, height)):
+        rule = f"must be two whole numbers from 1 to {_LARGEST_SIDE_PX}"
+        raise DataError(path, rule, field="resolution", value=(width, height))
+    k1, k2, p1, p2 = _numbers(path, content, "distortion_coefficients", 4)
+    R_BC, p_BC = _rigid_transform(path, content)
+    return Camera(fx, fy, cx, cy, int(width), int(height), (k1, k2, p1, p2), R_BC, p_BC)
+
+
+def read_imu_noise(path: Path) -> ImuNoise:
+    """White-noise densities as published in ``imu0/sensor.yaml``: rad/s/sqrt(Hz), m/s^2/sqrt(Hz).
+
+    Raises
+    ------
+    DataError
+        also where ``T_BS`` is not the identity: the body frame is the inertial sensor's.
+    """
+    content = read_sensor_yaml(path)
+    R_BS, p_BS = _rigid_transform(path, content)
+    if max(np.abs(R_BS - np.eye(3)).max(), np.abs(p_BS).max()) > _IDENTITY_TOLERANCE:
+        rule = "must be the identity: body and inertial frame are the same here"
+        raise DataError(path, rule, field="T_BS", value=np.column_stack([R_BS, p_BS]).tolist())
+    densities = []
+    for key in ("gyroscope_noise_density", "accelerometer_noise_density"):
+        density = _number(path, key, content.get(key))
+        if density <= 0.0:
+            raise DataError(path, "must be positive", field=key, value=density)
+        densities.append(density)
+    return ImuNoise(gyro_density=densities[0], accel_density=densities[1])
+
+
+def _number(path: Path, key: str, value: object) -> float:
+    # YAML 1.1 reads "2e-3" as text, so text is tried too; booleans would pass as 0 and 1.
+    try:
+        number = float("" if isinstance(value, bool) else value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        number = float("nan")
+    if not np.isfinite(number):
+        raise DataError(path, "must be a finite number", field=key, value=value)
+    return number
+
+
+def _numbers(path: Path, content: Mapping[str, Any], key: str, length: int) -> list[float]:
+    values = content.get(key)
+    if not isinstance(values, list) or len(values) != length:
+        raise DataError(path, f"must be a list of {length} numbers", field=key, value=values)
+    return [_number(path, key, value) for value in values]
+
+
+def _rigid_transform(path: Path, content: Mapping[str, Any]) -> tuple[Array, Array]:
+    """(3, 3) rotation and (3,) translation, m, of ``T_BS``."""
+    entry = content.get("T_BS")
+    if not isinstance(entry, dict):
+        raise DataError(path, "must be a mapping with rows, cols and data", field="T_BS", value=entry)
+    T_BS = np.array(_numbers(path, entry, "data", 16)).reshape(4, 4)
+    R_BS = T_BS[:3, :3]
+    rigid = (
+        np.abs(T_BS[3] - [0.0, 0.0, 0.0, 1.0]).max() < _IDENTITY_TOLERANCE
+        and np.abs(R_BS @ R_BS.T - np.eye(3)).max() < _ROTATION_TOLERANCE
+        and np.linalg.det(R_BS) > 0.0
+    )
+    if not rigid:
+        rule = "must be a rigid transformation: a rotation, a translation, last row 0 0 0 1"
+        raise DataError(path, rule, field="T_BS", value=T_BS.tolist())
+    left, _, right = np.linalg.svd(R_BS)
+    return left @ right, T_BS[:3, 3].copy()

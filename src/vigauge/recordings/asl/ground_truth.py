@@ -1,0 +1,107 @@
+"""Ground truth of ASL folders: poses, and where the file has them velocities and biases."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import DataError
+from ...geometry import so3
+from ...geometry.so3 import Array
+from ...model.state import State
+from .nearest import nearest_index
+from .tables import read_table
+
+_POSE_COLUMNS, _STATE_COLUMNS = 8, 17
+_QUATERNION_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """States of the body in the world frame of the truth, which may differ from a map's.
+
+    Attributes
+    ----------
+    t_ns : (M,) int64, strictly increasing
+    p_W : (M, 3) m
+    R_WB : (M, 3, 3)
+    v_W : (M, 3) m/s, or None where the file has poses only
+    gyro_bias, accel_bias : (M, 3) rad/s and m/s^2, or None
+    source : the file, for messages
+    n_unsorted : rows that were out of order and have been sorted
+    """
+
+    t_ns: NDArray[np.int64]
+    p_W: Array
+    R_WB: Array
+    v_W: Array | None = None
+    gyro_bias: Array | None = None
+    accel_bias: Array | None = None
+    source: str = "ground truth"
+    n_unsorted: int = 0
+
+    def nearest(self, t_ns: ArrayLike, max_distance_ns: int = 1_000_000) -> NDArray[np.intp]:
+        """Index of the state nearest each stamp: published stamps of one instant may differ by 256 ns.
+
+        Raises DataError where the nearest is further off than ``max_distance_ns``.
+        """
+        index, distance = nearest_index(self.t_ns, t_ns)
+        if np.any(distance > max_distance_ns):
+            k = int(np.argmax(distance > max_distance_ns))
+            raise DataError(
+                self.source,
+                f"must have a state within {max_distance_ns} ns of each wanted stamp",
+                row=k,
+                field="timestamp",
+                value=int(np.ravel(t_ns)[k]),
+            )
+        return index
+
+    def states_at(self, t_ns: NDArray[np.int64]) -> State:
+        """True motion at keyframe stamps (N,), without landmarks; DataError where it has no velocities."""
+        if self.v_W is None:
+            raise DataError(self.source, "ground truth for evaluation must have velocities (17 columns)")
+        row = self.nearest(t_ns)
+        return State.start(self.p_W[row], self.R_WB[row], self.v_W[row], np.zeros((0, 3)))
+
+
+def read_ground_truth(folder: Path, *, sort: bool = False) -> GroundTruth:
+    """Read ``data.csv`` of a ``state_groundtruth_*`` folder.
+
+    Columns: stamp, position, quaternion (w first); with 17 columns also velocity,
+    gyroscope bias, accelerometer bias. ``sort`` puts rows in order of time; without it,
+    rows out of order are an error.
+    """
+    table = read_table(Path(folder) / "data.csv", (_POSE_COLUMNS, _STATE_COLUMNS), sort=sort)
+    _require_w_first(table.path, table.columns)
+    values = table.numbers()
+    quaternion = values[:, 3:7]
+    norm = np.linalg.norm(quaternion, axis=1)
+    wrong = np.abs(norm - 1.0) > _QUATERNION_TOLERANCE
+    if np.any(wrong):
+        k = int(np.argmax(wrong))
+        row = int(table.lines[k])
+        rule = "quaternion must have unit length"
+        raise DataError(table.path, rule, row=row, field="q", value=quaternion[k].tolist())
+    full = values.shape[1] == _STATE_COLUMNS - 1
+    return GroundTruth(
+        t_ns=table.t_ns,
+        p_W=values[:, 0:3],
+        R_WB=so3.from_quaternion(quaternion / norm[:, None]),
+        v_W=values[:, 7:10] if full else None,
+        gyro_bias=values[:, 10:13] if full else None,
+        accel_bias=values[:, 13:16] if full else None,
+        source=str(table.path),
+        n_unsorted=table.n_unsorted,
+    )
+
+
+def _require_w_first(path: Path, columns: tuple[str, ...]) -> None:
+    """The format puts w first; a header that names another component there is refused."""
+    if len(columns) > 4:
+        name = columns[4].split("[")[0].strip().lower()
+        if name.startswith("q") and not name.endswith("w"):
+            raise DataError(path, "quaternion must have w first", row=1, field="header", value=columns[4])

@@ -1,0 +1,81 @@
+"""The inertial sensor by itself: rest, gravity, units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...geometry.so3 import Array
+from ...model.imu import ImuSamples
+from .findings import Findings
+from .turning import GyroRotation
+
+# Gravity at rest, m/s^2, with any accelerometer bias that is worth using: 9.78..9.83 on Earth.
+GRAVITY_MPS2 = (8.0, 11.0)
+# Half a second is short enough to find pauses. Averages over a twentieth take out the shaking of motors
+# that idle, which is faster than any motion of a vehicle.
+_BLOCK_S, _AVERAGE_S = 0.5, 0.05
+# Deviation of these averages within a block: rad/s, and share of gravity. On the ground with idling motors
+# EuRoC's sensor has up to 0.011 and 0.013, held in the hand 0.06 and 0.023 at least.
+_REST_RATE_RADPS, _REST_FORCE_SHARE = 0.02, 0.02
+# Over blocks of this length the mean acceleration of a vehicle is small beside gravity.
+_MOTION_BLOCK_S = 2.0
+
+
+@dataclass(frozen=True)
+class Rest:
+    """``share`` of half-second blocks in which nothing moves, and the mean force (B, 3) of each, m/s^2."""
+
+    share: float
+    force_B: Array
+
+
+def _blocks(values: Array, length: int) -> Array:
+    """(B, length, 3) of (M, 3) consecutive rows; the last ones are left out."""
+    n = len(values) // length
+    return values[: n * length].reshape(n, length, 3)
+
+
+def find_rest(samples: ImuSamples) -> Rest:
+    """Blocks in which rate and force stay constant; a constant rate is a bias."""
+    short = max(round(_AVERAGE_S / samples.period()), 1)
+    gyro, accel = (_blocks(values, short).mean(axis=1) for values in (samples.gyro, samples.accel))
+    gyro, accel = (_blocks(values, round(_BLOCK_S / _AVERAGE_S)) for values in (gyro, accel))
+    if not len(gyro):
+        return Rest(0.0, np.empty((0, 3)))
+    mean = accel.mean(axis=1)
+    quiet = np.linalg.norm(gyro.std(axis=1), axis=1) < _REST_RATE_RADPS
+    quiet &= np.linalg.norm(accel.std(axis=1), axis=1) < _REST_FORCE_SHARE * np.linalg.norm(mean, axis=1)
+    return Rest(float(np.mean(quiet)), mean[quiet])
+
+
+def moving_gravity(samples: ImuSamples, gyro_bias: Array) -> float:
+    """Length of the mean force, m/s^2, turned by the gyroscope into the axes at the start of each block.
+
+    Median over blocks; NaN where the record is shorter than one.
+    """
+    length = round(_MOTION_BLOCK_S / samples.period())
+    if len(samples.t_ns) < max(length, 2):
+        return float("nan")
+    R = GyroRotation(samples.corrected(gyro_bias, np.zeros(3))).at(samples.t_ns)
+    force = _blocks(np.einsum("mij,mj->mi", R, samples.accel), length)
+    return float(np.median(np.linalg.norm(force.mean(axis=1), axis=1)))
+
+
+def check_gravity(samples: ImuSamples, rest: Rest, gyro_bias: Array, out: Findings) -> None:
+    """Specific force against gravity: at rest where there is rest, else averaged over the motion."""
+    at_rest = bool(len(rest.force_B))
+    if at_rest:
+        gravity = float(np.median(np.linalg.norm(rest.force_B, axis=1)))
+    else:
+        gravity = moving_gravity(samples, gyro_bias)
+    how = "at rest" if at_rest else "averaged in motion"
+    out.fact("imu0", rest_share=rest.share, gravity_mps2=gravity, gravity_found=how)
+    out.fact("imu0", largest_rate_radps=float(np.abs(samples.gyro).max()))
+    if not np.isnan(gravity) and not GRAVITY_MPS2[0] <= gravity <= GRAVITY_MPS2[1]:
+        message = (
+            f"specific force {how} is {gravity:.3g} m/s^2, expected {GRAVITY_MPS2[0]:g} to "
+            f"{GRAVITY_MPS2[1]:g}: accelerometer in g, wrong scale, or columns exchanged"
+        )
+        (out.error if at_rest else out.warn)("gravity", message)

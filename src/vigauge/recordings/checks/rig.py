@@ -1,0 +1,229 @@
+"""The rig: images, baseline, extrinsics, the clocks of camera and inertial sensor, stillness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...geometry.camera import Camera
+from .findings import Findings
+from .inertial import Rest
+from .turning import LEAST_TURN_RAD, LEAST_TURNS, GyroRotation, TurnFit, Turns, compare_turns
+from .vision import StereoSample
+
+# Rigs of estimators have 5 to 20 cm; anything beyond a millimetre or a metre is another unit.
+USUAL_BASELINE_M, POSSIBLE_BASELINE_M = (0.05, 0.2), (0.005, 2.0)
+# A calibrated pair has its matches 0.1 to 0.5 px from their epipolar lines; inverted extrinsics, tens.
+EPIPOLAR_WARNING_PX, EPIPOLAR_ERROR_PX = 1.0, 5.0
+# Below these a tracker has nothing to follow; 8-bit noise alone has a deviation of about 2.
+LEAST_FEATURES, LEAST_MATCHES, LEAST_CONTRAST = 60, 20, 8.0
+# Ratio of mean brightness; exposures that differ by half are beyond what patches are compared over.
+BRIGHTNESS_RATIO = 1.5
+CLIPPED_SHARE = 0.35
+# Poses by PnP have noise of 1e-3 rad a turn: axes come out within a degree, inverted extrinsics off by tens.
+AXES_WARNING_DEG, AXES_ERROR_DEG = 3.0, 10.0
+SCALE_WARNING, SCALE_ERROR = 0.05, 0.5
+OFFSET_WARNING_S, OFFSET_ERROR_S = 0.003, 0.020
+# An offset is only believed where it is this many times its deviation.
+_OFFSET_SIGMAS = 3.0
+# Images that move by less between frames a fifth of a second apart show a vehicle that stands.
+STILL_PX = 1.0
+# No bias of a gyroscope is this large, rad/s: a camera that sees no turn then hangs, or units are wrong.
+LARGEST_BIAS_RADPS = 0.5
+_DEGREES = 180.0 / np.pi
+
+
+def check_calibration(cameras: tuple[Camera, Camera], out: Findings) -> None:
+    """Facts on both cameras and the distance between them."""
+    baseline = float(np.linalg.norm(cameras[1].p_BC - cameras[0].p_BC))
+    left = cameras[0]
+    out.fact(
+        "calibration", baseline_m=baseline, image_px=[left.width, left.height], focal_px=[left.fx, left.fy]
+    )
+    if not POSSIBLE_BASELINE_M[0] <= baseline <= POSSIBLE_BASELINE_M[1]:
+        out.error(
+            "baseline",
+            f"the cameras are {baseline:.4g} m apart by their T_BS; {POSSIBLE_BASELINE_M[0]:g} to "
+            f"{POSSIBLE_BASELINE_M[1]:g} m are possible: translations must be in metres",
+        )
+    elif not USUAL_BASELINE_M[0] <= baseline <= USUAL_BASELINE_M[1]:
+        out.warn(
+            "baseline",
+            f"the cameras are {baseline:.4g} m apart by their T_BS; {USUAL_BASELINE_M[0]:g} to "
+            f"{USUAL_BASELINE_M[1]:g} m are usual",
+        )
+
+
+def check_frozen(frozen_ns: list[int], out: Findings) -> None:
+    """Frames that repeat the one before byte for byte."""
+    out.fact("cam0", repeated_images=len(frozen_ns))
+    if frozen_ns:
+        out.error(
+            "frozen camera",
+            f"{len(frozen_ns)} image(s) of cam0 are the same file as the one before; the first is "
+            f"{frozen_ns[0]} ns: choose a window without them",
+        )
+
+
+def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings) -> None:
+    """Brightness, features, and the stereo calibration against matches made without it.
+
+    ``explain`` says in words what would make a calibration fit that does not, or nothing.
+    """
+    out.fact(
+        "images",
+        sampled_frames=sample.frames,
+        features=sample.features,
+        stereo_matches=sample.matches,
+        grey_left=sample.grey_left,
+        grey_right=sample.grey_right,
+        contrast=sample.contrast,
+        clipped_share=sample.clipped,
+    )
+    out.fact("calibration", epipolar_px=sample.epipolar_px, disparity_px=sample.disparity_px)
+    if sample.features < LEAST_FEATURES or sample.contrast < LEAST_CONTRAST:
+        out.error(
+            "images",
+            f"images have {sample.features:.0f} features and a contrast of {sample.contrast:.1f} grey "
+            f"levels, {LEAST_FEATURES} and {LEAST_CONTRAST:g} are needed: too dark, too "
+            "bright, blurred or covered",
+        )
+        return
+    if sample.matches < LEAST_MATCHES:
+        out.error(
+            "stereo",
+            f"left and right image share {sample.matches:.0f} features (of {sample.features:.0f}), "
+            f"{LEAST_MATCHES} are needed: the cameras do not look at the same place, or their "
+            "frames do not belong together",
+        )
+        return
+    if sample.epipolar_px > EPIPOLAR_ERROR_PX:
+        out.error(
+            "extrinsics",
+            f"matches lie {sample.epipolar_px:.1f} px from their epipolar lines (limit "
+            f"{EPIPOLAR_ERROR_PX:g}): "
+            + (explain() or "T_BS or the intrinsics are not those of these images"),
+        )
+    elif sample.epipolar_px > EPIPOLAR_WARNING_PX:
+        out.warn(
+            "extrinsics",
+            f"matches lie {sample.epipolar_px:.2f} px from their epipolar lines (limit "
+            f"{EPIPOLAR_WARNING_PX:g}): the calibration is not quite that of these images",
+        )
+    elif sample.disparity_px < 0.0:
+        out.error("extrinsics", "matches lie behind the cameras: cam0 and cam1, or their T_BS, are exchanged")
+    ratio = (sample.grey_left + 1.0) / (sample.grey_right + 1.0)
+    if max(ratio, 1.0 / ratio) > BRIGHTNESS_RATIO:
+        out.warn(
+            "exposure",
+            f"the cameras are exposed differently: mean grey {sample.grey_left:.0f} left, "
+            f"{sample.grey_right:.0f} right",
+        )
+    if sample.clipped > CLIPPED_SHARE:
+        out.warn("exposure", f"{100 * sample.clipped:.0f} % of the pixels are black or white")
+
+
+def check_motion(
+    turns: Turns, moved_px: np.ndarray, tried: int, gyro: GyroRotation, rest: Rest, out: Findings
+) -> TurnFit | None:
+    """Camera against gyroscope: stillness, units, axes, clocks; the fit, or None where nothing turns."""
+    out.fact("camera against gyro", turns_tried=tried, turns_found=len(moved_px))
+    if len(moved_px) == 0:
+        out.warn("motion", f"no turn of the camera could be measured between {tried} pairs of frames")
+        return None
+    phi_B = gyro.turned(turns.first_ns, turns.second_ns)
+    if _is_still(turns, moved_px, phi_B, rest, out):
+        return None
+    fit = compare_turns(gyro, turns)
+    if fit is None:
+        out.skip(
+            "camera-IMU clocks and axes",
+            f"needs {LEAST_TURNS} turns of {LEAST_TURN_RAD:g} rad, root mean square; "
+            f"found {len(moved_px)} of {turns.rms_rad:.2g}",
+        )
+        return None
+    out.fact(
+        "camera against gyro",
+        offset_ms=1e3 * fit.offset_s,
+        offset_sigma_ms=1e3 * fit.offset_sigma_s,
+        scale=fit.scale,
+        axes_deg=fit.axes_deg,
+        residual_deg=float(np.degrees(fit.rms_rad)),
+        gyro_bias_radps=fit.gyro_bias,
+    )
+    if _judge_units_and_axes(fit, turns, out):
+        _judge_clocks(fit, out)
+    return fit
+
+
+def _is_still(turns: Turns, moved_px: np.ndarray, phi_B: np.ndarray, rest: Rest, out: Findings) -> bool:
+    """Whether the images stand still; and an error for what that means."""
+    dt = (turns.second_ns - turns.first_ns)[:, None] * 1e-9
+    rate = float(np.median(np.linalg.norm(phi_B / dt, axis=1)))
+    moved = float(np.median(moved_px))
+    out.fact("camera against gyro", image_motion_px=moved, gyro_rate_radps=rate)
+    if moved > STILL_PX:
+        return False
+    if rate > LARGEST_BIAS_RADPS:
+        out.error(
+            "frozen camera",
+            f"images stand still while the gyroscope turns at {rate:.3g} rad/s: the camera hangs, or "
+            "the gyroscope is not in rad/s",
+        )
+    else:
+        out.error(
+            "standing still",
+            f"nothing moves: images by {moved:.2f} px, the inertial sensor rests "
+            f"{100 * rest.share:.0f} % of the time. Landmarks get no "
+            "parallax but that of the stereo pair; no covariance is given",
+        )
+    return True
+
+
+def _judge_units_and_axes(fit: TurnFit, turns: Turns, out: Findings) -> bool:
+    """Errors and warnings on scale and axes; False where clocks cannot be judged beside them."""
+    if abs(fit.scale - 1.0) > SCALE_ERROR:
+        degrees = abs(fit.scale / _DEGREES - 1.0) < 0.2
+        hint = "; it looks like deg/s" if degrees else ""
+        out.error(
+            "gyro units",
+            f"the gyroscope turns {fit.scale:.3g} times as far as the camera; it must be in rad/s{hint}",
+        )
+        return False
+    left_over = fit.rms_rad / turns.rms_rad
+    if fit.axes_deg > AXES_ERROR_DEG or left_over > 0.5:
+        out.error(
+            "extrinsics",
+            f"the camera turns about axes {fit.axes_deg:.1f} deg from those of the gyroscope "
+            f"(limit {AXES_ERROR_DEG:g}; {100 * left_over:.0f} % of its turns are left over): "
+            "T_BS must take camera to body coordinates",
+        )
+        return False
+    if fit.axes_deg > AXES_WARNING_DEG:
+        out.warn(
+            "extrinsics",
+            f"the camera turns about axes {fit.axes_deg:.1f} deg from those of the gyroscope "
+            f"(limit {AXES_WARNING_DEG:g})",
+        )
+    if abs(fit.scale - 1.0) > SCALE_WARNING:
+        out.warn("gyro units", f"the gyroscope turns {fit.scale:.3f} times as far as the camera")
+    return True
+
+
+def _judge_clocks(fit: TurnFit, out: Findings) -> None:
+    if _OFFSET_SIGMAS * fit.offset_sigma_s > OFFSET_ERROR_S:
+        out.skip(
+            "camera-IMU clocks", f"the motion tells the offset to {1e3 * fit.offset_sigma_s:.0f} ms only"
+        )
+        return
+    believed = abs(fit.offset_s) > _OFFSET_SIGMAS * fit.offset_sigma_s
+    words = (
+        f"the inertial clock is {1e3 * fit.offset_s:+.1f} ms from the camera's "
+        f"(deviation {1e3 * fit.offset_sigma_s:.1f})"
+    )
+    remedy = f"set camera_time_offset_ns: {round(fit.offset_s * 1e9)} in the front-end settings"
+    if believed and abs(fit.offset_s) > OFFSET_ERROR_S:
+        out.error("clock offset", f"{words}, limit {1e3 * OFFSET_ERROR_S:g}: {remedy}")
+    elif believed and abs(fit.offset_s) > OFFSET_WARNING_S:
+        out.warn("clock offset", f"{words}, limit {1e3 * OFFSET_WARNING_S:g}: {remedy}")

@@ -1,0 +1,217 @@
+"""All checks on one ASL folder: what it is, and what is wrong with it, before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DataError, VigaugeError
+from ...geometry.camera import Camera
+from ...model.imu import ImuNoise, ImuSamples
+from ..asl.calibration import read_camera, read_imu_noise, read_sensor_yaml
+from ..asl.ground_truth import read_ground_truth
+from ..asl.sequence import Sequence, StereoFrames, read_frames, read_imu
+from ..frontend.opencv import one_thread
+from .findings import Findings
+from .inertial import check_gravity, find_rest
+from .rig import check_calibration, check_frozen, check_motion, check_stereo
+from .stamps import (
+    CAMERA_RATE_HZ,
+    IMU_RATE_HZ,
+    check_coverage,
+    check_imu_gaps,
+    check_partners,
+    check_rate,
+)
+from .truth import check_truth
+from .turning import GyroRotation
+from .vision import Effort, ImageSample, find_frozen
+
+# Inertial samples kept on both sides of the frames, for clocks that differ.
+_MARGIN_NS = 1_000_000_000
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of a recording that is looked at: seconds after ``origin_ns`` (0: after the first frame)."""
+
+    origin_ns: int = 0
+    start_s: float = 0.0
+    end_s: float = float("inf")
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What could be read of a folder; None where it could not."""
+
+    cameras: tuple[Camera | None, Camera | None]
+    noise: ImuNoise | None
+    imu: ImuSamples | None
+    frames: StereoFrames | None
+
+
+def check_sequence(
+    folder: Path,
+    truths: list[str] | None = None,
+    window: Window | None = None,
+    camera_time_offset_ns: int = 0,
+    effort: Effort | None = None,
+    *,
+    sort: bool = False,
+) -> Findings:
+    """Check an ASL folder; bad data become findings, never exceptions.
+
+    Parameters
+    ----------
+    truths : names of the ground-truth folders to check, which must be there; None: all there are
+    window : part of the recording; None: all of it
+    camera_time_offset_ns : added to the stamps of frames, as the front-end's setting of that name
+    effort : how many images to look at; None: as many as take some seconds
+    sort : rows out of order are a warning and sorted, as where sequences are read
+    """
+    folder = Path(folder)
+    out = Findings(folder.resolve().name)
+    mav = folder / "mav0"
+    if not mav.is_dir():
+        out.error("files", str(DataError(mav, "sequence folder must exist and contain mav0")))
+        return out
+    parts = _read_parts(mav, sort, out)
+    inertial = _check_stamps(mav, parts, window or Window(), camera_time_offset_ns, out)
+    if inertial is not None:
+        _check_contents(folder, mav, parts, *inertial, truths, effort or Effort(), out)
+    return out
+
+
+def _try(out: Findings, check: str, read: Callable[[], _T]) -> _T | None:
+    """The result of a reader, or None and an error that says what is wrong."""
+    try:
+        return read()
+    except VigaugeError as error:
+        out.error(check, str(error))
+        return None
+
+
+def _warn_of_order(check: str, rows: int, out: Findings) -> None:
+    if rows:
+        out.warn(check, f"{rows} row(s) were out of order and have been sorted")
+
+
+def _read_parts(mav: Path, sort: bool, out: Findings) -> _Parts:
+    cameras = [
+        _try(out, "calibration", partial(read_camera, mav / name / "sensor.yaml"))
+        for name in ("cam0", "cam1")
+    ]
+    noise = _try(out, "calibration", partial(read_imu_noise, mav / "imu0" / "sensor.yaml"))
+    imu = _try(out, "imu0", partial(read_imu, mav / "imu0" / "data.csv", sort))
+    frames = _try(out, "frames", partial(read_frames, mav, sort))
+    if noise is not None:
+        out.fact("imu0", gyro_density=noise.gyro_density, accel_density=noise.accel_density)
+    if imu is not None:
+        repeated = imu[1].n_repeated
+        out.fact("imu0", repeated_rows=repeated)
+        if repeated:
+            out.warn("imu0", f"imu0 repeats {repeated} identical row(s), which are left out")
+        _warn_of_order("imu0", imu[1].n_unsorted, out)
+    if frames is not None:
+        _warn_of_order("frames", frames.n_unsorted, out)
+    if cameras[0] is not None and cameras[1] is not None:
+        check_calibration((cameras[0], cameras[1]), out)
+    return _Parts((cameras[0], cameras[1]), noise, imu[0] if imu else None, frames)
+
+
+def _check_stamps(
+    mav: Path, parts: _Parts, window: Window, offset_ns: int, out: Findings
+) -> tuple[ImuSamples, StereoFrames, NDArray[np.int64]] | None:
+    """Stamps of all sensors; then samples and frames by one clock, and the frames of the window.
+
+    None where they do not allow any further check.
+    """
+    if parts.imu is None or parts.frames is None:
+        for check in ("stamps", "images", "motion"):
+            out.skip(check, "needs both imu0 and the frames")
+        return None
+    stated = _stated_rate(mav / "imu0" / "sensor.yaml")
+    check_rate("imu0", parts.imu.t_ns, IMU_RATE_HZ, stated, out)
+    frames = replace(
+        parts.frames, t_ns=parts.frames.t_ns + offset_ns, dropped_ns=parts.frames.dropped_ns + offset_ns
+    )
+    seconds = (parts.frames.t_ns - (window.origin_ns or int(parts.frames.t_ns[0]))) * 1e-9
+    inside = np.flatnonzero((seconds >= window.start_s) & (seconds <= window.end_s))
+    if len(inside) < 2:
+        out.error(
+            "window",
+            f"{len(inside)} frames lie in the window {window.start_s:g}..{window.end_s:g} s; 2 are needed",
+        )
+        return None
+    stamps = frames.t_ns[inside]
+    first, last = int(stamps[0]), int(stamps[-1])
+    check_rate("cam0", stamps, CAMERA_RATE_HZ, None, out)
+    check_partners(frames, first, last, out)
+    check_coverage("imu0", parts.imu.t_ns, stamps, out)
+    if any(finding.check in ("rate", "coverage") for finding in out.of("error")):
+        for check in ("imu gaps", "images", "motion"):
+            out.skip(check, "the stamps are wrong")
+        return None
+    check_imu_gaps(parts.imu.t_ns, first, last, out)
+    near = (parts.imu.t_ns >= first - _MARGIN_NS) & (parts.imu.t_ns <= last + _MARGIN_NS)
+    imu = ImuSamples(parts.imu.t_ns[near], parts.imu.gyro[near], parts.imu.accel[near])
+    return imu, frames, inside
+
+
+def _stated_rate(path: Path) -> object:
+    """``rate_hz`` of a sensor.yaml that has been read before without complaint, or None."""
+    try:
+        return read_sensor_yaml(path).get("rate_hz")
+    except DataError:
+        return None  # reported where the calibration was read
+
+
+def _check_contents(
+    folder: Path,
+    mav: Path,
+    parts: _Parts,
+    imu: ImuSamples,
+    frames: StereoFrames,
+    inside: NDArray[np.int64],
+    truths: list[str] | None,
+    effort: Effort,
+    out: Findings,
+) -> None:
+    """Images, motion, gravity, truths."""
+    gyro, rest = GyroRotation(imu), find_rest(imu)
+    fit = None
+    left, right = parts.cameras
+    if left is None or right is None or parts.noise is None:
+        for check in ("images", "camera against gyro"):
+            out.skip(check, "the calibration could not be read")
+    else:
+        sequence = Sequence(out.sequence, folder, (left, right), frames, imu, parts.noise)
+        frozen = find_frozen(sequence, inside)
+        check_frozen(frames.t_ns[frozen].tolist(), out)
+        sample = ImageSample(sequence, np.setdiff1d(inside, frozen), effort)
+        with one_thread():
+            stereo = _try(out, "images", sample.stereo)
+            if stereo is not None:
+                check_stereo(stereo, sample.explain_epipolar, out)
+            blocked = any(f.check in ("images", "stereo", "extrinsics", "baseline") for f in out.of("error"))
+            if blocked:
+                out.skip("camera against gyro", "images or calibration do not allow poses")
+            else:
+                seen = _try(out, "images", sample.turns)
+                if seen is not None:
+                    fit = check_motion(*seen, gyro, rest, out)
+    check_gravity(imu, rest, fit.gyro_bias if fit is not None else imu.gyro.mean(axis=0), out)
+    names = truths if truths is not None else sorted(p.name for p in mav.glob("state_groundtruth_*"))
+    if not names:
+        out.skip("truth", "there is no state_groundtruth_* folder")
+    for name in names:
+        truth = _try(out, f"truth {name}", partial(read_ground_truth, mav / name))
+        if truth is not None:
+            check_truth(name, truth, imu, frames.t_ns[inside], out)

@@ -1,0 +1,1 @@
+"""From stereo images and inertial samples to a problem."""

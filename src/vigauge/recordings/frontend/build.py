@@ -1,0 +1,226 @@
+"""From a sequence to a problem: tracking, poses, gravity, landmarks, inertial factors.
+
+Ground truth gives the biases and nothing else. The start that comes out is the
+front-end's own: PnP poses, velocities and gravity by alignment, triangulated landmarks.
+Solving serves here only to find outliers; its estimate is thrown away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from collections.abc import Sequence as SequenceOf
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from ...errors import DataError
+from ...geometry.camera import Camera
+from ...geometry.so3 import Array
+from ...model.problem import InertialFactors, Problem
+from ...model.state import State
+from ..asl.ground_truth import GroundTruth
+from ..asl.images import read_image
+from ..asl.sequence import Sequence
+from .descriptor_matching import MatchCounts, track_by_descriptors
+from .frames import choose_frames
+from .inertial import KnownBiases, check_gaps, inertial_factors, preintegrate_between
+from .initialisation import Alignment, align_with_gravity
+from .mapping import Map, pose_keyframes
+from .opencv import one_thread
+from .optical_flow import FlowCounts, track_by_flow
+from .outliers import Inliers, find_inliers
+from .report import FrontEndReport
+from .settings import FrontEndSettings
+from .stereo import Image, StereoGeometry
+from .tracks import RIGHT, Tracks
+from .triangulation import Triangulation, triangulate
+
+# The problem is built with the noise as published; who uses it says what to believe
+# (``Problem.with_noise``).
+SIGMA_PX = 1.0
+
+
+@dataclass(frozen=True)
+class _Start:
+    """The front-end's start in the world frame W: upright, first keyframe at the origin."""
+
+    p_W: Array
+    R_WB: Array
+    v_W: Array
+
+
+def build_problem(
+    sequence: Sequence, biases: GroundTruth, settings: FrontEndSettings, *, progress: bool = False
+) -> tuple[Problem, NDArray[np.int64], FrontEndReport]:
+    """The problem of a sequence, the stamps of its keyframes (N,) in ns, and what was done.
+
+    The problem's world frame has z up, the first keyframe at its origin and an arbitrary
+    yaw; its noise is one pixel and the sequence's published densities.
+
+    Parameters
+    ----------
+    biases : ground truth to take known biases from, and nothing else
+    progress : show a bar on standard error
+
+    Raises
+    ------
+    DataError
+        for input that cannot be used: too few frames, points or inliers, inertial samples
+        or biases that do not cover the window, a frozen camera, a broken image.
+    VigaugeError
+        where alignment or the outlier rounds fail.
+    """
+    sequence, keyframes, skipped = choose_frames(sequence, settings)
+    t_ns = sequence.frames.t_ns[keyframes]
+    check_gaps(sequence.imu, int(t_ns[0]), int(t_ns[-1]), settings.largest_imu_gap_s)
+    known = KnownBiases(biases, settings.biases, int(t_ns[0]))
+    factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
+    with one_thread():
+        tracks, counts = _track(sequence, keyframes, known, settings, progress)
+        mapped = pose_keyframes(
+            sequence.cameras, tracks, len(keyframes), settings.pose, settings.triangulation
+        )
+    alignment = align_with_gravity(mapped.p_M, mapped.R_MB, factors, settings.gravity_mps2)
+    start = _upright(mapped, alignment)
+
+    first = triangulate(sequence.cameras, start.p_W, start.R_WB, mapped.tracks, settings.triangulation)
+    candidate = _problem(sequence.cameras, start, mapped.tracks, first, factors, settings.gravity_mps2)
+    inliers = find_inliers(candidate, settings.outliers, settings.triangulation.keyframes)
+    clean = _tracks_of(candidate).where(inliers.observation)
+    final = triangulate(sequence.cameras, start.p_W, start.R_WB, clean, settings.triangulation)
+    problem = _problem(sequence.cameras, start, clean, final, factors, settings.gravity_mps2)
+    window = keyframes[-1] - keyframes[0] + 1
+    report = _report(
+        sequence,
+        settings,
+        int(window),
+        tracks,
+        counts,
+        mapped,
+        alignment,
+        first,
+        candidate,
+        inliers,
+        problem,
+        skipped,
+    )
+    return problem, t_ns, report
+
+
+def _track(
+    sequence: Sequence,
+    keyframes: NDArray[np.int64],
+    biases: KnownBiases,
+    settings: FrontEndSettings,
+    progress: bool,
+) -> tuple[Tracks, FlowCounts | MatchCounts]:
+    """Tracks over the keyframes by the tracker that the settings name."""
+    geometry = StereoGeometry(*sequence.cameras)
+    paths = (sequence.frames.left, sequence.frames.right)
+
+    def read(frame: int, camera: int) -> Image:
+        return read_image(paths[camera][frame], sequence.cameras[camera])
+
+    if settings.tracker == "descriptors":
+        bar = _bar(keyframes.tolist(), f"{sequence.name}: matching keyframes", progress)
+        return track_by_descriptors(read, bar, geometry, settings.descriptors, settings.stereo, settings.pose)
+    frames = range(int(keyframes[0]), int(keyframes[-1]) + 1)
+    steps = preintegrate_between(sequence.imu, sequence.imu_noise, sequence.frames.t_ns[list(frames)], biases)
+    dR_B = np.array([step.dR for step in steps]).reshape(-1, 3, 3)
+    bar = _bar(frames, f"{sequence.name}: following points", progress)
+    return track_by_flow(read, bar, keyframes, dR_B, geometry, settings.optical_flow, settings.stereo)
+
+
+def _bar(items: SequenceOf[int], label: str, progress: bool) -> Iterable[int]:
+    bar: Any = tqdm(items, desc=label, unit="frame", disable=not progress)
+    return bar
+
+
+def _upright(mapped: Map, alignment: Alignment) -> _Start:
+    R_WM = alignment.R_WM
+    return _Start(mapped.p_M @ R_WM.T, R_WM @ mapped.R_MB, alignment.v_M @ R_WM.T)
+
+
+def _problem(
+    cameras: tuple[Camera, Camera],
+    start: _Start,
+    tracks: Tracks,
+    triangulation: Triangulation,
+    factors: InertialFactors,
+    gravity: float,
+) -> Problem:
+    """The problem of the tracks that could be triangulated, from the observations used for that."""
+    if not np.any(triangulation.good):
+        counts = ", ".join(f"{n} {reason}" for reason, n in triangulation.rejected().items())
+        raise DataError("front-end", f"some landmark must pass the checks (refused: {counts})", value=0)
+    kept = tracks.where(triangulation.used).renumbered(triangulation.good)
+    return Problem.from_observations(
+        initial=State.start(start.p_W, start.R_WB, start.v_W, triangulation.points_W[triangulation.good]),
+        cameras=cameras,
+        keyframe=kept.keyframe,
+        camera=kept.camera,
+        landmark=kept.track,
+        uv=kept.uv,
+        sigma_px=SIGMA_PX,
+        inertial=factors,
+        gravity=gravity,
+    )
+
+
+def _tracks_of(problem: Problem) -> Tracks:
+    return Tracks(
+        problem.obs_keyframe,
+        problem.obs_camera,
+        problem.obs_landmark,
+        problem.obs_uv,
+        problem.initial.n_landmarks,
+    )
+
+
+def _report(
+    sequence: Sequence,
+    settings: FrontEndSettings,
+    window: int,
+    tracks: Tracks,
+    counts: FlowCounts | MatchCounts,
+    mapped: Map,
+    alignment: Alignment,
+    first: Triangulation,
+    candidate: Problem,
+    inliers: Inliers,
+    problem: Problem,
+    skipped: dict[str, int],
+) -> FrontEndReport:
+    rejected = first.rejected()
+    return FrontEndReport(
+        sequence=sequence.name,
+        tracker=settings.tracker,
+        frames=window,
+        keyframes=problem.initial.n_keyframes,
+        tracks=tracks.n_tracks,
+        landmarks=problem.initial.n_landmarks,
+        observations=len(problem.obs_uv),
+        observations_right=int(np.count_nonzero(problem.obs_camera == RIGHT)),
+        tracks_per_keyframe=_tracks_of(problem).tracks_per_keyframe(problem.initial.n_keyframes).tolist(),
+        stereo_tried=counts.stereo_tried,
+        stereo_matched=counts.stereo_matched,
+        tracking_lost=dict(counts.lost),
+        pnp_tried=mapped.tried.tolist(),
+        pnp_inliers=mapped.inliers.tolist(),
+        pnp_refused_observations=mapped.n_refused,
+        triangulation_rejected=rejected,
+        rejected_share={reason: n / max(tracks.n_tracks, 1) for reason, n in rejected.items()},
+        outlier_observations=int(np.count_nonzero(~inliers.observation)),
+        outlier_landmarks=candidate.initial.n_landmarks - problem.initial.n_landmarks,
+        outlier_rounds=inliers.rounds,
+        median_reprojection_start_px=float(np.median(inliers.error_before_px)),
+        median_reprojection_end_px=float(np.median(inliers.error_after_px)),
+        free_gravity_mps2=alignment.free_gravity,
+        alignment_rms_position_m=alignment.rms_position_m,
+        alignment_rms_velocity_mps=alignment.rms_velocity_mps,
+        image_pairs_without_right=sequence.frames.n_dropped,
+        frames_skipped=skipped,
+    )

@@ -1,0 +1,82 @@
+"""The pose of a camera from known points (perspective-n-point) with RANSAC."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import so3
+from ...geometry.camera import project
+from ...geometry.so3 import Array
+
+# OpenCV's RANSAC draws from a generator that it seeds itself on every call, so equal
+# input gives equal output; what else it uses at random is seeded here.
+_SEED = 0
+_CONFIDENCE = 0.9999
+_LEAST_POINTS = 5
+_REFINEMENTS = 2
+
+
+@dataclass(frozen=True)
+class CameraPose:
+    """x_C = R_CM x_M + p_CM for points x_M of the map; ``inlier`` (m,) tells which points agree."""
+
+    R_CM: Array
+    p_CM: Array
+    inlier: NDArray[np.bool_]
+
+    @property
+    def n_inliers(self) -> int:
+        return int(np.count_nonzero(self.inlier))
+
+
+def reprojection_error(K: Array, R_CM: Array, p_CM: Array, points_M: Array, uv: Array) -> Array:
+    """(m,) distances in px; infinite for points behind the camera."""
+    points_C = points_M @ R_CM.T + p_CM
+    ahead = points_C[:, 2] > 1e-6
+    points_C[~ahead] = [0.0, 0.0, 1.0]
+    predicted, _ = project(points_C, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+    return np.where(ahead, np.linalg.norm(predicted - uv, axis=1), np.inf)
+
+
+def estimate_pose(
+    points_M: Array, uv: Array, K: Array, reprojection_px: float, rounds: int
+) -> CameraPose | None:
+    """Pose from points (m, 3) m and their ideal pixels (m, 2); None where too few points agree.
+
+    RANSAC over minimal sets, then least squares over the inliers, which are chosen anew
+    after each refinement.
+    """
+    if len(points_M) < _LEAST_POINTS:
+        return None
+    cv2.setRNGSeed(_SEED)
+    points = np.ascontiguousarray(points_M, dtype=np.float64)
+    pixels = np.ascontiguousarray(uv, dtype=np.float64)
+    found, rotation, translation, _ = cv2.solvePnPRansac(
+        points,
+        pixels,
+        K,
+        None,
+        iterationsCount=rounds,
+        reprojectionError=reprojection_px,
+        confidence=_CONFIDENCE,
+        flags=cv2.SOLVEPNP_SQPNP,
+    )
+    if not found:
+        return None
+    for _ in range(_REFINEMENTS):
+        R_CM, p_CM = so3.exp(rotation.ravel()), translation.ravel()
+        inlier = reprojection_error(K, R_CM, p_CM, points, pixels) <= reprojection_px
+        if np.count_nonzero(inlier) < _LEAST_POINTS:
+            return None
+        rotation, translation = cv2.solvePnPRefineLM(
+            points[inlier], pixels[inlier], K, None, rotation, translation
+        )
+    R_CM, p_CM = so3.exp(rotation.ravel()), translation.ravel()
+    if not (np.all(np.isfinite(R_CM)) and np.all(np.isfinite(p_CM))):
+        return None
+    inlier = reprojection_error(K, R_CM, p_CM, points, pixels) <= reprojection_px
+    return CameraPose(R_CM, p_CM, inlier)

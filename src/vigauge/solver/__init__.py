@@ -1,0 +1,1 @@
+"""Residuals, normal equations, elimination of the landmarks, Levenberg-Marquardt."""

@@ -1,0 +1,324 @@
+"""Levenberg-Marquardt with the trust-region policy of Ceres, which the paper used (Section IV-B).
+
+The policy decides the iteration counts that the paper compares, so it is followed to the
+detail: Jacobi scaling by the first Jacobian, damping by the clamped diagonal, Nielsen's
+radius update, and a step that meets the function or parameter tolerance ends the run
+without being taken. ``Solution.iterations`` counts as Ceres does: the initial evaluation
+and every step tried, but not that last one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from ..errors import SolverError
+from ..gauge.gauges import Gauge, GaugePrior
+from ..geometry.so3 import Array
+from ..kernels.damping import clamped, predicted_decrease, squares
+from ..model.problem import Problem
+from ..model.state import State
+from ..sparsity.layout import Layout
+from .normal_equations import NormalEquations, linearise
+from .residuals import Evaluation, evaluate
+from .workers import Workers
+
+
+class Status(StrEnum):
+    """Why a run ended. The first three mean convergence."""
+
+    FUNCTION_TOLERANCE = "function tolerance"
+    GRADIENT_TOLERANCE = "gradient tolerance"
+    PARAMETER_TOLERANCE = "parameter tolerance"
+    ITERATION_LIMIT = "iteration limit"
+    RADIUS_COLLAPSED = "trust region collapsed"
+    INVALID_STEPS = "too many invalid steps"
+    NON_FINITE = "non-finite cost"
+
+
+CONVERGED = frozenset({Status.FUNCTION_TOLERANCE, Status.GRADIENT_TOLERANCE, Status.PARAMETER_TOLERANCE})
+
+
+@dataclass(frozen=True)
+class Options:
+    """Tolerances and limits; the defaults are those of Ceres. ``threads`` changes the time only."""
+
+    initial_radius: float = 1e4
+    maximum_radius: float = 1e16
+    minimum_radius: float = 1e-32
+    minimum_diagonal: float = 1e-6
+    maximum_diagonal: float = 1e32
+    minimum_decrease: float = 1e-3
+    function_tolerance: float = 1e-6
+    gradient_tolerance: float = 1e-10
+    parameter_tolerance: float = 1e-8
+    maximum_iterations: int = 50
+    maximum_invalid_steps: int = 5
+    threads: int = 1
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One row of the trace; entry 0 is the start.
+
+    ``cost`` at the state that the iteration leaves; ``radius`` of the trust region
+    (damping = diagonal / radius); ``accepted``; ``mean_reprojection_px``;
+    ``prior_position_m`` and ``prior_yaw_rad``: distance of the first pose from its initial
+    value (Fig. 6); ``seconds`` since the start by the caller's clock.
+    """
+
+    cost: float
+    radius: float
+    accepted: bool
+    mean_reprojection_px: float
+    prior_position_m: float
+    prior_yaw_rad: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Estimate, how the run ended, and its trace; ``states`` holds every iterate when asked for.
+
+    ``layout`` says how the reduced camera system was factorised: dense or banded, in which
+    order of keyframes, and how much is stored (its fill-in).
+    """
+
+    state: State
+    status: Status
+    cost: float
+    trace: tuple[Iteration, ...]
+    seconds: float
+    layout: Layout
+    states: tuple[State, ...] = ()
+
+    @property
+    def iterations(self) -> int:
+        """Count as Ceres reports it, the initial evaluation included."""
+        return len(self.trace)
+
+    @property
+    def converged(self) -> bool:
+        return self.status in CONVERGED
+
+
+@dataclass
+class _TrustRegion:
+    """Radius and its update (Ceres' Levenberg-Marquardt strategy; Nielsen's rule)."""
+
+    options: Options
+    radius: float = field(init=False)
+    decrease: float = 2.0
+
+    def __post_init__(self) -> None:
+        self.radius = self.options.initial_radius
+
+    def accept(self, quality: float) -> None:
+        self.radius /= max(1.0 / 3.0, 1.0 - (2.0 * quality - 1.0) ** 3)
+        self.radius = min(self.radius, self.options.maximum_radius)
+        self.decrease = 2.0
+
+    def reject(self) -> None:
+        self.radius /= self.decrease
+        self.decrease *= 2.0
+
+
+@dataclass(frozen=True)
+class _Evaluation:
+    """A state, the gauge's prior there, and the cost with and without it."""
+
+    state: State
+    prior: GaugePrior | None
+    cost: float
+    measurements: Evaluation
+
+
+class _Objective:
+    """The cost of one gauge: Eq. (1), plus Eq. (11) where the gauge has a prior."""
+
+    def __init__(self, problem: Problem, gauge: Gauge, workers: Workers) -> None:
+        self.problem = problem
+        self.gauge = gauge
+        self.workers = workers
+        self.spent: NormalEquations | None = None
+
+    def evaluate(self, state: State) -> _Evaluation:
+        found = evaluate(self.problem, state)
+        cost = found.cost
+        prior = self.gauge.prior(state, self.problem.initial)
+        if prior is not None:
+            cost += 0.5 * float(prior.residual @ prior.residual)
+        return _Evaluation(state, prior, cost, found)
+
+    def linearise(self, here: _Evaluation) -> NormalEquations:
+        """Equations at a state; those made before are no longer valid."""
+        self.spent = linearise(
+            self.problem, here.state, self.workers, R_CW=here.measurements.R_CW, spent=self.spent
+        )
+        if here.prior is not None:
+            self.spent.add_prior(here.prior.columns, here.prior.residual, here.prior.jacobian)
+        return self.spent
+
+
+def _state_norm(state: State) -> float:
+    """Norm of the parameters as Ceres sees them: unit quaternions for rotations after the first."""
+    return math.sqrt(squares(state.p_W, state.v_W, state.X_W, state.dphi_0) + state.n_keyframes - 1)
+
+
+def solve(
+    problem: Problem,
+    gauge: Gauge,
+    options: Options | None = None,
+    *,
+    clock: Callable[[], float] = lambda: 0.0,
+    keep_states: bool = False,
+) -> Solution:
+    """Minimise Eq. (1) from ``problem.initial`` under a gauge.
+
+    Parameters
+    ----------
+    clock : seconds, e.g. ``time.perf_counter``; without it every time in the trace is 0
+    keep_states : keep the state of every iteration (Fig. 2)
+
+    A run that cannot go on ends with a status that says so; nothing is raised.
+    """
+    options = options or Options()
+    # What is done in one piece is done here: threads would only have to be started.
+    with Workers(options.threads if len(problem.structure.pieces) > 1 else 1) as workers:
+        return _Run(problem, gauge, options, clock, keep_states, workers).solve()
+
+
+class _Run:
+    """One minimisation: the loop of Ceres' trust-region minimiser."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        gauge: Gauge,
+        options: Options,
+        clock: Callable[[], float],
+        keep_states: bool,
+        workers: Workers,
+    ) -> None:
+        self.problem, self.options, self.clock, self.keep_states = problem, options, clock, keep_states
+        self.begin = clock()
+        self.objective = _Objective(problem, gauge, workers)
+        self.held = gauge.held(problem.initial)
+        self.region = _TrustRegion(options)
+        self.trace: list[Iteration] = []
+        self.states: list[State] = []
+        self.moved = False
+        self.here = self.objective.evaluate(problem.initial)
+
+    def solve(self) -> Solution:
+        self._record(accepted=True)
+        if not np.isfinite(self.here.cost):
+            return self._end(Status.NON_FINITE)
+        self._linearise()
+        # Column scaling is that of the first Jacobian for the whole run (Ceres' jacobi_scaling);
+        # it matters only where it meets the clamps of the damping.
+        self.scale_squared = (1.0 + np.sqrt(self.diagonal)) ** -2
+        invalid = 0
+        while True:
+            status = self._must_stop()
+            if status is not None:
+                return self._end(status)
+            step, decrease = self._step()
+            if step is None or not decrease > 0.0:
+                invalid += 1
+                if invalid >= self.options.maximum_invalid_steps:
+                    return self._end(Status.INVALID_STEPS)
+                self._rejected()
+                continue
+            invalid = 0
+            status = self._try(step, decrease)
+            if status is not None:
+                return self._end(status)
+
+    def _try(self, step: Array, predicted_decrease: float) -> Status | None:
+        """Go to the end of the step if it is good; a status ends the run."""
+        there = self.objective.evaluate(self.here.state.retract(step))
+        tolerance = self.options.parameter_tolerance
+        length = math.sqrt(float(np.vdot(step, step)))
+        if self.moved and length <= tolerance * (_state_norm(self.here.state) + tolerance):
+            return Status.PARAMETER_TOLERANCE
+        change = self.here.cost - there.cost
+        if abs(change) <= self.options.function_tolerance * self.here.cost:
+            return Status.FUNCTION_TOLERANCE
+        quality = change / predicted_decrease
+        if quality > self.options.minimum_decrease:
+            self.here, self.moved = there, True
+            self._linearise()
+            self.region.accept(quality)
+            self._record(accepted=True)
+        else:
+            self._rejected()
+        return None
+
+    def _linearise(self) -> None:
+        self.equations = self.objective.linearise(self.here)
+        self.diagonal, self.gradient = self.equations.diagonal(), self.equations.gradient
+        self.gradient[self.held] = 0.0
+
+    def _step(self) -> tuple[Array | None, float]:
+        """The damped step and the decrease of the cost that the linear model predicts."""
+        o = self.options
+        damping = np.empty_like(self.diagonal)
+        clamped(
+            self.diagonal,
+            self.scale_squared,
+            o.minimum_diagonal,
+            o.maximum_diagonal,
+            self.region.radius,
+            damping,
+        )
+        try:
+            reduced = self.equations.eliminate(damping, self.objective.workers)
+            step = reduced.solve(self.held, overwrite=True)
+        except SolverError:
+            return None, 0.0  # counted as an invalid step: the next one is damped more
+        return step, predicted_decrease(self.gradient, damping, step)
+
+    def _rejected(self) -> None:
+        self.region.reject()
+        self._record(accepted=False)
+
+    def _must_stop(self) -> Status | None:
+        if len(self.trace) > self.options.maximum_iterations:
+            return Status.ITERATION_LIMIT
+        if self.trace[-1].accepted and np.abs(self.gradient).max() <= self.options.gradient_tolerance:
+            return Status.GRADIENT_TOLERANCE
+        if self.region.radius <= self.options.minimum_radius:
+            return Status.RADIUS_COLLAPSED
+        return None
+
+    def _record(self, accepted: bool) -> None:
+        state, start = self.here.state, self.problem.initial
+        self.trace.append(
+            Iteration(
+                cost=self.here.cost,
+                radius=self.region.radius,
+                accepted=accepted,
+                mean_reprojection_px=self.here.measurements.mean_reprojection_px,
+                prior_position_m=math.dist(state.p_W[0], start.p_W[0]),
+                prior_yaw_rad=float(abs(state.dphi_0[2])),
+                seconds=self.clock() - self.begin,
+            )
+        )
+        if self.keep_states:
+            self.states.append(state)
+
+    def _end(self, status: Status) -> Solution:
+        return Solution(
+            state=self.here.state,
+            status=status,
+            cost=self.here.cost,
+            trace=tuple(self.trace),
+            seconds=self.clock() - self.begin,
+            layout=self.problem.structure.layout,
+            states=tuple(self.states),
+        )

@@ -1,0 +1,331 @@
+"""The normal equations H dx = -g in blocks, and the elimination of the landmarks.
+
+H = J^T J has three kinds of block: one of the motion (9N x 9N, banded for long flights), a
+6 x 3 block a (keyframe, landmark) pair, and a 3 x 3 block a landmark. The Schur complement
+onto the motion, S = A - W C^-1 W^T (the reduced camera system), is all that is ever factorised.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import DegenerateError, SolverError
+from ..geometry import so3
+from ..geometry.so3 import Array
+from ..kernels import inertial as inertial_kernels
+from ..kernels import schur, symmetric, visual
+from ..kernels.lanes import LANES
+from ..kernels.schur import Couplings
+from ..model.problem import Problem
+from ..model.state import State
+from ..sparsity.layout import Index, Layout, by_keyframe
+from ..sparsity.structure import Structure
+from .residuals import camera_rotations, first_rotation_chain, inertial_inputs
+from .workers import ALONE, Workers
+
+
+def coupling_blocks(structure: Structure, W: Couplings) -> Array:
+    """(P, 6, 3) blocks W = -[M; hat(ray) M] of (position and rotation, landmark), one a pair."""
+    pairs = structure.pairs
+    M = W.information.reshape(-1, 6, LANES)[pairs.cell, :, pairs.lane][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    ray = W.X_W[pairs.landmark] - W.p_W[pairs.keyframe]
+    out = np.concatenate([-M, -so3.hat(ray) @ M], axis=1)
+    first = pairs.keyframe == 0
+    out[first, 3:] = W.chain.T @ out[first, 3:]
+    return out
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """H and g of one linearisation point.
+
+    Attributes
+    ----------
+    storage : motion block A, as ``structure.layout`` stores it
+    couplings : what the blocks W are made from
+    landmark : (K, 3, 3) blocks C
+    motion_gradient, landmark_gradient : (9N,) in stored order and (K, 3), the parts of g = J^T r
+    """
+
+    structure: Structure
+    storage: Array
+    couplings: Couplings
+    landmark: Array
+    motion_gradient: Array
+    landmark_gradient: Array
+
+    @property
+    def motion(self) -> Array:
+        """(9N, 9N) block A, dense, in the package's order."""
+        return self.structure.layout.dense(self.storage)
+
+    @property
+    def gradient(self) -> Array:
+        """(9N + 3K,) g = J^T r."""
+        motion = self.motion_gradient[self.structure.layout.stored]
+        return np.concatenate([motion, self.landmark_gradient.ravel()])
+
+    def diagonal(self) -> Array:
+        """(9N + 3K,) diagonal of H."""
+        layout = self.structure.layout
+        out = np.empty(layout.size + 3 * len(self.landmark))
+        symmetric.diagonal(self.storage, layout.stored, layout.stride, self.landmark, out)
+        return out
+
+    def times(self, vector: Array) -> Array:
+        """H x of a vector x (9N + 3K,), from the blocks."""
+        s = self.structure
+        n_motion = s.layout.size
+        W, pairs = coupling_blocks(s, self.couplings), s.pairs
+        landmark = vector[n_motion:].reshape(-1, 3)
+        out = self.motion @ vector[:n_motion]
+        pose = vector[s.columns[:, :6]]
+        rows = s.columns[pairs.keyframe, :6]
+        np.add.at(out, rows, np.einsum("pij,pj->pi", W, landmark[pairs.landmark]))
+        across = np.einsum("kij,kj->ki", self.landmark, landmark)
+        np.add.at(across, pairs.landmark, np.einsum("pij,pi->pj", W, pose[pairs.keyframe]))
+        return np.concatenate([out, across.ravel()])
+
+    def with_prior(self, columns: Index, residual: Array, jacobian: Array) -> NormalEquations:
+        """Add a whitened residual that depends on the motion parameters ``columns`` only."""
+        out = replace(self, storage=self.storage.copy(), motion_gradient=self.motion_gradient.copy())
+        out.add_prior(columns, residual, jacobian)
+        return out
+
+    def add_prior(self, columns: Index, residual: Array, jacobian: Array) -> None:
+        """:meth:`with_prior` in place."""
+        layout = self.structure.layout
+        layout.add(self.storage, columns, jacobian.T @ jacobian)
+        self.motion_gradient[layout.stored[columns]] += jacobian.T @ residual
+
+    def eliminate(self, damping: Array | None = None, workers: Workers = ALONE) -> ReducedSystem:
+        """Schur complement onto the motion of H + diag(damping); damping is (9N + 3K,).
+
+        Raises SolverError where a landmark block is not positive definite, and without damping
+        DegenerateError where one is singular to rounding: a landmark seen along one line only.
+        """
+        s, layout = self.structure, self.structure.layout
+        storage, gradient = self.storage.copy(), self.motion_gradient.copy()
+        if damping is None:
+            landmark_damping: Array = np.zeros((s.n_landmarks, 3))
+        else:
+            symmetric.add_diagonal(storage, layout.stored, layout.stride, damping)
+            landmark_damping = damping[layout.size :].reshape(-1, 3)
+        factor, half_gradient = np.empty((s.n_batches, 6 * LANES)), np.empty((s.n_batches, 3 * LANES))
+
+        def take_out(piece: tuple[int, int], base: int, into: Array, gradient: Array) -> float:
+            return schur.eliminate(
+                self.couplings,
+                self.landmark,
+                landmark_damping,
+                self.landmark_gradient,
+                s.batches,
+                s.group_batch,
+                s.group_seen,
+                s.seen,
+                layout.column,
+                layout.stride,
+                base,
+                *piece,
+                factor,
+                half_gradient,
+                into,
+                gradient,
+            )
+
+        def apart(piece: tuple[int, int]) -> tuple[float, slice, Array, Array]:
+            """A piece's share: the stored entries between its first and last keyframes."""
+            stored = s.stored_by(piece)
+            share, gradient = np.zeros(stored.stop - stored.start), np.zeros(layout.size)
+            return take_out(piece, stored.start, share, gradient), stored, share, gradient
+
+        smallest = [1.0]
+        if s.pieces:
+            others = workers.map(apart, s.pieces[1:])
+            # The first piece goes where it belongs, and of short problems it is the only one.
+            smallest.append(take_out(s.pieces[0], 0, storage, gradient))
+            for found, stored, share, of_piece in others:
+                smallest.append(found)
+                storage[stored] += share
+                gradient += of_piece
+        regular = min(smallest)
+        # A singular block is one to rounding: whether its determinant comes out positive is chance.
+        if damping is None and not regular >= 1e3 * np.finfo(float).eps and _all_seen(self.landmark):
+            raise DegenerateError(
+                f"landmark {_weakest(self.landmark)} is unobservable along its line of sight"
+            )
+        if not regular > 0.0:
+            raise SolverError("a landmark's block of H is not positive definite")
+        return ReducedSystem(s, storage, gradient, self.couplings, factor, half_gradient)
+
+    def dense(self) -> Array:
+        """(9N + 3K, 9N + 3K) H itself: for small problems, tests and pictures."""
+        s = self.structure
+        n_motion = 9 * s.n_keyframes
+        H = np.zeros((n_motion + 3 * s.n_landmarks,) * 2)
+        H[:n_motion, :n_motion] = self.motion
+        rows = s.columns[s.pairs.keyframe, :6][:, :, None]
+        columns = (n_motion + 3 * s.pairs.landmark[:, None] + np.arange(3))[:, None, :]
+        W = coupling_blocks(s, self.couplings)
+        H[rows, columns] = W
+        H[columns, rows] = W
+        index = n_motion + np.arange(3 * s.n_landmarks).reshape(-1, 3)
+        H[index[:, :, None], index[:, None, :]] = self.landmark
+        return H
+
+
+@dataclass(frozen=True)
+class ReducedSystem:
+    """Reduced camera system S dx = -b, and what back-substitution needs.
+
+    ``storage`` S, as ``structure.layout`` stores it; ``motion_gradient`` (9N,) b in stored order;
+    ``couplings`` W; ``factor`` (B, 6 LANES) F, lower triangular by columns with F^T F = C^-1, and
+    ``half_gradient`` (B, 3 LANES) F g_landmark, by batches of landmarks.
+    """
+
+    structure: Structure
+    storage: Array
+    motion_gradient: Array
+    couplings: Couplings
+    factor: Array
+    half_gradient: Array
+
+    @property
+    def matrix(self) -> Array:
+        """(9N, 9N) S, dense, in the package's order."""
+        return self.structure.layout.dense(self.storage)
+
+    @property
+    def gradient(self) -> Array:
+        """(9N,) b in the package's order."""
+        return self.motion_gradient[self.structure.layout.stored]
+
+    def solve(self, held: Index, *, overwrite: bool = False) -> Array:
+        """The full step (9N + 3K,), zero in the ``held`` motion columns.
+
+        With ``overwrite`` the factor is written over ``storage``, and this system is spent.
+
+        Raises SolverError where the reduced system is not positive definite.
+        """
+        s, layout = self.structure, self.structure.layout
+        storage, right = self.storage if overwrite else self.storage.copy(), -self.motion_gradient
+        if len(held):
+            layout.hold(storage, held)
+            right[layout.stored[held]] = 0.0
+        motion = layout.factorise(storage).solve(right)
+        step = np.empty(layout.size + 3 * s.n_landmarks)
+        step[: layout.size] = motion[layout.stored]
+        schur.back_substitute(
+            self.couplings,
+            self.factor,
+            self.half_gradient,
+            s.batches,
+            layout.column,
+            motion,
+            step[layout.size :].reshape(-1, 3),
+        )
+        return step
+
+    def couple(self, landmark: Array) -> tuple[Array, Array]:
+        """W C^-1 V (9N, 4) and V^T C^-1 V (4, 4) of landmark columns V (3K, 4)."""
+        s = self.structure
+        out, gram = np.zeros((3, s.n_keyframes, 3, 4)), np.zeros((4, 4))
+        schur.couple(self.couplings, self.factor, s.batches, landmark.reshape(-1, 3, 4), out, gram)
+        return out.reshape(-1, 4), gram
+
+    def landmark_inverses(self) -> Array:
+        """(K, 3, 3) C^-1 = F^T F."""
+        batch, lane = self.structure.landmark_lane
+        F = np.zeros((self.structure.n_landmarks, 3, 3))
+        row, column = np.array([0, 1, 2, 1, 2, 2]), np.array([0, 0, 0, 1, 1, 2])
+        F[:, row, column] = self.factor.reshape(-1, 6, LANES)[batch, :, lane]
+        return F.swapaxes(1, 2) @ F
+
+    def through_landmarks(self, landmark: Array, motion: Array) -> Array:
+        """C^-1 (V - W^T Y) of landmark columns V (3K, c) and motion columns Y (9N, c): (3K, c)."""
+        s = self.structure
+        pose = by_keyframe(motion, s.n_keyframes)[s.pairs.keyframe, :6]
+        W_T_Y = coupling_blocks(s, self.couplings).swapaxes(1, 2) @ pose
+        coupled = np.add.reduceat(W_T_Y, s.pairs.begin[:-1], axis=0)
+        step = self.landmark_inverses() @ (landmark.reshape(coupled.shape) - coupled)
+        return step.reshape(landmark.shape)
+
+
+def _all_seen(landmark: Array) -> bool:
+    """Whether every block is finite and has information along all three axes."""
+    return bool(np.all(np.isfinite(landmark)) and np.all(np.diagonal(landmark, axis1=1, axis2=2) > 0.0))
+
+
+def _weakest(landmark: Array) -> int:
+    """The landmark whose block is the nearest to singular, scaled to a unit diagonal."""
+    scale = 1.0 / np.sqrt(np.diagonal(landmark, axis1=1, axis2=2))
+    eigenvalues = np.linalg.eigvalsh(landmark * scale[:, :, None] * scale[:, None, :])
+    return int(np.argmin(eigenvalues[:, 0]))
+
+
+def linearise(
+    problem: Problem,
+    state: State,
+    workers: Workers = ALONE,
+    *,
+    R_CW: Array | None = None,
+    spent: NormalEquations | None = None,
+) -> NormalEquations:
+    """H = J^T J and g = J^T r of Eq. (1) at a state, without any gauge.
+
+    ``R_CW`` where it is known, see :func:`vigauge.solver.residuals.camera_rotations`. ``spent`` equations
+    of the same problem give up their large arrays, which are overwritten: fresh memory costs as
+    much as the sums that fill it.
+    """
+    s = problem.structure
+    layout, cameras = s.layout, problem.camera_arrays
+    rotations = camera_rotations(problem, state) if R_CW is None else R_CW
+    information: Array = np.empty((s.n_cells, 6 * LANES)) if spent is None else spent.couplings.information
+    landmark: Array = np.empty((s.n_landmarks, 3, 3)) if spent is None else spent.landmark
+    landmark_gradient = np.empty((s.n_landmarks, 3)) if spent is None else spent.landmark_gradient
+
+    def accumulate(piece: tuple[int, int]) -> Array:
+        pose = np.zeros((s.n_keyframes, visual.POSE_ENTRIES))
+        visual.accumulate(
+            state.p_W,
+            state.X_W,
+            rotations,
+            cameras["p_CB"],
+            cameras["intrinsics"],
+            s.batches,
+            problem.pixels,
+            int(s.group_batch[piece[0]]),
+            int(s.group_batch[piece[1]]),
+            information,
+            landmark,
+            landmark_gradient,
+            pose,
+        )
+        return pose
+
+    shares = list(workers.map(accumulate, s.pieces))
+    pose = sum(shares[1:], shares[0]) if shares else np.zeros((s.n_keyframes, visual.POSE_ENTRIES))
+    storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
+    chain = first_rotation_chain(state)
+    visual.spread_poses(pose, chain, layout.column, layout.stride, storage, gradient)
+    _add_inertial(problem, state, layout, chain, storage, gradient)
+    couplings = Couplings(information, state.p_W, state.X_W, chain)
+    return NormalEquations(s, storage, couplings, landmark, gradient, landmark_gradient)
+
+
+def _add_inertial(
+    problem: Problem, state: State, layout: Layout, chain: Array, storage: Array, gradient: Array
+) -> None:
+    inertial_kernels.accumulate(
+        *inertial_inputs(problem, state), chain, layout.column, layout.stride, storage, gradient
+    )
+
+
+def inertial_information(problem: Problem, state: State) -> Array:
+    """(9N, 9N) share of the inertial factors in H; they do not see the landmarks."""
+    layout = problem.structure.layout
+    storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
+    _add_inertial(problem, state, layout, first_rotation_chain(state), storage, gradient)
+    return layout.dense(storage)

@@ -1,0 +1,112 @@
+"""Whitened residuals of Eq. (1) at a state, over all measurements.
+
+Their Jacobians are never stored: :mod:`vigauge.solver.normal_equations` sums them into blocks.
+Rotation derivatives are with respect to left increments in the world frame, Eq. (8);
+``first_rotation_chain`` turns the one of keyframe 0 into a derivative by the total
+increment of Eq. (9).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.so3 import Array
+from ..kernels import inertial as inertial_kernels
+from ..kernels import rotation
+from ..kernels import visual as visual_kernels
+from ..model.problem import Problem
+from ..model.state import State
+from ..sparsity.layout import Index
+
+
+def first_rotation_chain(state: State) -> Array:
+    """(3, 3) d(left increment of R_0) / d(dphi_0) = J_l(dphi_0), from Eq. (9)."""
+    chain = np.empty((3, 3))
+    rotation.left_jacobian(state.dphi_0, chain)
+    return chain
+
+
+def camera_rotations(problem: Problem, state: State) -> Array:
+    """R_CW (C, N, 3, 3) of every camera at every keyframe."""
+    R_CW = np.empty((len(problem.cameras), state.n_keyframes, 3, 3))
+    visual_kernels.camera_rotations(state.R_WB, problem.camera_arrays["R_BC"], R_CW)
+    return R_CW
+
+
+InertialInputs = tuple[Index, Index, Array, Array, Array, Array, Array, float, Array, Array, Array]
+
+
+def inertial_inputs(problem: Problem, state: State) -> InertialInputs:
+    """What the inertial kernels read: the factors, gravity, and the keyframes' states."""
+    f = problem.inertial
+    moved = state.p_W, state.R_WB, state.v_W
+    return f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, problem.gravity, *moved
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The ``cost`` 1/2 ||r||^2 of a state, and the mean length of a reprojection error in pixels (Fig. 6).
+
+    ``R_CW`` as :func:`camera_rotations` gives it: the normal equations of the state need it again.
+    """
+
+    cost: float
+    mean_reprojection_px: float
+    R_CW: Array
+
+
+def evaluate(problem: Problem, state: State) -> Evaluation:
+    """The cost of Eq. (1), no residual kept. It is not finite where a landmark has depth zero."""
+    cameras = problem.camera_arrays
+    R_CW = camera_rotations(problem, state)
+    squares, lengths = visual_kernels.cost(
+        state.p_W,
+        state.X_W,
+        R_CW,
+        cameras["p_CB"],
+        cameras["intrinsics"],
+        problem.structure.batches,
+        problem.pixels,
+    )
+    squares += inertial_kernels.cost(*inertial_inputs(problem, state))
+    count = len(problem.obs_uv)
+    return Evaluation(0.5 * squares, lengths * problem.sigma_px / count if count else 0.0, R_CW)
+
+
+def visual_residual(problem: Problem, state: State) -> Array:
+    """(M, 2) whitened r^V of Eq. (1): (predicted - measured) / sigma."""
+    out = np.empty(problem.obs_uv.shape)
+    cameras = problem.camera_arrays
+    visual_kernels.residuals(
+        state.p_W,
+        state.X_W,
+        camera_rotations(problem, state),
+        cameras["p_CB"],
+        cameras["intrinsics"],
+        problem.obs_keyframe,
+        problem.obs_camera,
+        problem.obs_landmark,
+        problem.obs_uv,
+        1.0 / problem.sigma_px,
+        out,
+    )
+    return out
+
+
+def inertial_residual(problem: Problem, state: State) -> Array:
+    """(F, 9) whitened r^I of Eq. (1), order (position, rotation, velocity)."""
+    out = np.empty((len(problem.inertial.dt), 9))
+    inertial_kernels.residuals(*inertial_inputs(problem, state), out)
+    return out
+
+
+def cost(problem: Problem, state: State) -> float:
+    """1/2 ||r||^2 over visual and inertial residuals: half of J(theta) of Eq. (1)."""
+    return evaluate(problem, state).cost
+
+
+def mean_reprojection_px(problem: Problem, state: State) -> float:
+    """Mean length of the reprojection error over all observations, pixels (Fig. 6); 0 without any."""
+    return evaluate(problem, state).mean_reprojection_px

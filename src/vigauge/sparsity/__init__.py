@@ -1,0 +1,1 @@
+"""How the motion block of H is stored, and which observations meet."""

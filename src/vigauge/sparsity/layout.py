@@ -1,0 +1,206 @@
+"""How the motion block of H and the reduced camera system are stored: one lower triangle, dense or banded.
+
+Inside, a keyframe's nine parameters stand together and keyframes are ordered so that
+those that share landmarks are near each other: the triangle is then a band for a long
+flight. An entry (r, c), r >= c, sits at ``storage[c * stride + r]`` in both forms (LAPACK's
+column order, full or band), so whoever fills it need not know which one it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg.lapack as lapack
+from numpy.typing import NDArray
+
+from ..errors import SolverError
+from ..geometry.so3 import Array
+from ..kernels import covisibility, symmetric
+
+Index = NDArray[np.int64]
+
+# Below this many parameters a dense factorisation is never slower (measured).
+SMALLEST_BAND = 180
+# A band wider than this share of the matrix is factorised dense: LAPACK's full form has larger blocks.
+WIDEST_BAND = 0.4
+
+
+def motion_columns(n_keyframes: int) -> Index:
+    """(N, 9) columns of (p_i, rotation_i, v_i) in the motion order of the package."""
+    base = 3 * np.arange(n_keyframes)[:, None] + np.arange(3)
+    return np.concatenate([base, base + 3 * n_keyframes, base + 6 * n_keyframes], axis=1)
+
+
+def by_keyframe(motion: Array, n_keyframes: int) -> Array:
+    """(N, 9, ...) view per keyframe of motion quantities (9N, ...) in the package's order."""
+    rest = motion.shape[1:]
+    blocks = motion.reshape(3, n_keyframes, 3, *rest).swapaxes(0, 1)
+    return blocks.reshape(n_keyframes, 9, *rest)
+
+
+def _half_bandwidth(reach: int) -> int:
+    return 9 * reach + 8
+
+
+def _pays(reach: int, n: int) -> bool:
+    return _half_bandwidth(reach) < WIDEST_BAND * n
+
+
+def _reach(place: Index, k: int, keyframe: Index, landmark: Index, first: Index, second: Index) -> int:
+    """Largest distance in places between keyframes that share a landmark or an inertial factor."""
+    earliest, latest = np.empty((2, k), dtype=np.int64)
+    shared = covisibility.spans(keyframe, landmark, place, earliest, latest)
+    return max(shared, int(np.max(np.abs(place[first] - place[second]), initial=0)))
+
+
+def _near_neighbours(
+    n_keyframes: int, n_landmarks: int, keyframe: Index, landmark: Index, first: Index, second: Index
+) -> Index:
+    """(N,) places in reverse Cuthill-McKee order of the covisibility graph."""
+    # Seldom needed, and a tenth of a second to import.
+    import scipy.sparse
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    seen_by = scipy.sparse.coo_array(
+        (np.ones(len(keyframe)), (landmark, keyframe)), (n_landmarks, n_keyframes)
+    ).tocsr()
+    factors = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), (n_keyframes,) * 2).tocsr()
+    graph = seen_by.T @ seen_by + factors
+    order = reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)
+    place = np.empty(n_keyframes, dtype=np.int64)
+    place[order] = np.arange(n_keyframes)
+    return place
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Places of keyframes in the stored triangle.
+
+    Attributes
+    ----------
+    place : (N,) position of each keyframe in the stored order
+    half_bandwidth : largest r - c of an entry that may be filled
+    banded : whether only the band is stored
+    """
+
+    place: Index
+    half_bandwidth: int
+    banded: bool
+
+    @classmethod
+    def choose(
+        cls, n_keyframes: int, n_landmarks: int, keyframe: Index, landmark: Index, first: Index, second: Index
+    ) -> Layout:
+        """Keyframes in their own order where that gives a band, else in reverse Cuthill-McKee, else dense.
+
+        ``keyframe`` and ``landmark`` (M,) of every observation; ``first`` and ``second`` (F,) keyframes
+        that an inertial factor joins.
+        """
+        n = 9 * n_keyframes
+        seen = n_landmarks, keyframe, landmark, first, second
+        place = np.arange(n_keyframes, dtype=np.int64)
+        if n < SMALLEST_BAND:
+            return cls(place, n - 1, False)
+        reach = _reach(place, *seen)
+        if _pays(reach, n):
+            return cls(place, _half_bandwidth(reach), True)
+        place = _near_neighbours(n_keyframes, *seen)
+        reach = _reach(place, *seen)
+        if _pays(reach, n):
+            return cls(place, _half_bandwidth(reach), True)
+        return cls(np.arange(n_keyframes, dtype=np.int64), n - 1, False)
+
+    @property
+    def reordered(self) -> bool:
+        """Whether keyframes were renumbered to make the band."""
+        return not np.array_equal(self.place, np.arange(len(self.place)))
+
+    @cached_property
+    def size(self) -> int:
+        """9N."""
+        return 9 * len(self.place)
+
+    @cached_property
+    def stride(self) -> int:
+        return self.half_bandwidth if self.banded else self.size
+
+    @property
+    def length(self) -> int:
+        """Number of stored entries."""
+        return self.size * (self.half_bandwidth + 1 if self.banded else self.size)
+
+    @cached_property
+    def column(self) -> Index:
+        """(N,) first stored column of each keyframe."""
+        return 9 * self.place
+
+    @cached_property
+    def columns(self) -> Index:
+        """(N, 9) columns of each keyframe in the package's order."""
+        return motion_columns(len(self.place))
+
+    @cached_property
+    def stored(self) -> Index:
+        """(9N,) stored column of each column of the package's order."""
+        of_kind = 3 * np.arange(3)[:, None, None] + np.arange(3)
+        return (self.column[:, None] + of_kind).ravel()
+
+    def diagonal(self, storage: Array) -> Array:
+        """(9N,) view of the diagonal, stored order."""
+        return storage[:: self.stride + 1][: self.size]
+
+    def add(self, storage: Array, columns: Index, block: Array) -> None:
+        """Add a symmetric block over distinct columns of the package's order, in place."""
+        at = self.stored[columns]
+        if at.max() - at.min() > self.half_bandwidth:
+            raise SolverError("a prior joins keyframes that are too far apart for the banded system")
+        symmetric.add(storage, at, self.stride, block)
+
+    def hold(self, storage: Array, columns: Index) -> None:
+        """Replace rows and columns by those of the identity, in place: what they stand for does not move."""
+        symmetric.hold(storage, self.stored[columns], self.stride, self.half_bandwidth, self.size)
+
+    def dense(self, storage: Array) -> Array:
+        """(9N, 9N) symmetric matrix in the package's order."""
+        n = self.size
+        if self.banded:
+            lower = np.zeros((n, n))
+            for offset in range(self.half_bandwidth + 1):
+                rows = np.arange(offset, n)
+                lower[rows, rows - offset] = storage[(rows - offset) * self.stride + rows]
+        else:
+            lower = np.tril(storage.reshape(n, n).T)
+        full = lower + np.tril(lower, -1).T
+        return full[np.ix_(self.stored, self.stored)]
+
+    def factorise(self, storage: Array) -> Factorised:
+        """Cholesky factor of the stored matrix, which is overwritten.
+
+        Raises SolverError where the matrix is not positive definite.
+        """
+        n = self.size
+        if self.banded:
+            factor, info = lapack.dpbtrf(storage.reshape(n, -1).T, lower=1, overwrite_ab=1)
+        else:
+            factor, info = lapack.dpotrf(storage.reshape(n, n).T, lower=1, clean=0, overwrite_a=1)
+        if info != 0:
+            raise SolverError("the reduced camera system is not positive definite")
+        return Factorised(self, factor)
+
+
+@dataclass(frozen=True)
+class Factorised:
+    """Lower Cholesky factor in LAPACK's full or band form, stored order."""
+
+    layout: Layout
+    factor: Array
+
+    def solve(self, right: Array) -> Array:
+        """Solution for right-hand sides (9N,) or (9N, c), stored order."""
+        if self.layout.banded:
+            solution, _ = lapack.dpbtrs(self.factor, right, lower=1)
+        else:
+            solution, _ = lapack.dpotrs(self.factor, right, lower=1)
+        return solution

@@ -1,0 +1,1 @@
+"""The artifact: every table and figure of Zhang, Gallego and Scaramuzza (RA-L 2018)."""

@@ -1,0 +1,27 @@
+"""The ledger: the paper's claims, each with a criterion, our measurement and a computed verdict.
+
+A claim is one function of the evidence. It returns what was measured and whether the
+criterion holds, or None for the latter where the evidence cannot tell (a stand-in is not
+EuRoC; no run converged). Sameness is judged as equivalence: a paired interval inside a stated
+margin. Claims stand by theme, in the order of the paper.
+"""
+
+from ..ids import ERRORS
+from .claim import Claim, Finding
+from .evidence import Evidence, NoEvidenceError
+from .ledger import CLAIMS, explanations, ledger, paired_statistics
+from .statistics import Criteria, Interval
+
+__all__ = [
+    "CLAIMS",
+    "ERRORS",
+    "Claim",
+    "Criteria",
+    "Evidence",
+    "Finding",
+    "Interval",
+    "NoEvidenceError",
+    "explanations",
+    "ledger",
+    "paired_statistics",
+]

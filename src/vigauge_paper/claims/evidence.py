@@ -1,0 +1,146 @@
+"""What claims are judged by: result files, read when first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from vigauge.errors import VigaugeError
+from vigauge.model.archive import load_arrays
+
+from ..experiments.timing import paired_ratios, timing_of
+from ..ids import GAUGES, HEADLINE
+from .statistics import Criteria, Interval, bootstrap, mean, median
+
+
+class NoEvidenceError(VigaugeError):
+    """The result files hold nothing that a claim could be judged by."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Result files by experiment.
+
+    ``solutions`` and ``timings`` by name of configuration or sequence; ``covariances`` too;
+    ``sweep``, ``sweep_timing``, ``sweep_trace`` of the prior weights, done on ``sweep_configuration``;
+    ``reasons`` by name of the table; ``sequences`` are the names that are image sequences
+    (the paper's MH1, then VI1), from ``source``; ``cpu`` that times were taken on.
+    """
+
+    solutions: Mapping[str, Path]
+    timings: Mapping[str, Path]
+    covariances: Mapping[str, Path]
+    sweep: Path
+    sweep_timing: Path
+    sweep_trace: Path
+    sweep_configuration: str
+    reasons: Mapping[str, Path]
+    sequences: tuple[str, ...]
+    source: str
+    cpu: str
+    criteria: Criteria
+
+    @property
+    def configurations(self) -> tuple[str, ...]:
+        return tuple(name for name in self.solutions if name not in self.sequences)
+
+    @cached_property
+    def converged(self) -> dict[str, pd.DataFrame]:
+        """Solutions of each experiment under its headline noise, of the runs that converged."""
+        tables = {name: pd.read_csv(file) for name, file in self.solutions.items()}
+        return {
+            name: table[(table["noise"] == HEADLINE) & table["converged"]] for name, table in tables.items()
+        }
+
+    def paired(self, name: str, column: str, gauge: str, reference: str) -> np.ndarray:
+        """gauge minus reference, trial by trial, where both converged."""
+        good = self.converged[name]
+        good = good[good["gauge"].isin((gauge, reference))]
+        table = good.pivot(index="trial", columns="gauge", values=column).dropna()
+        if table.shape[1] < 2 or not len(table):
+            raise NoEvidenceError(f"no trial of {name} converged under both {gauge} and {reference}")
+        return (table[gauge] - table[reference]).to_numpy(dtype=float)
+
+    def mean(self, name: str, column: str, gauge: str) -> float:
+        """Mean over the trials that converged."""
+        good = self.converged[name]
+        values = good.loc[good["gauge"] == gauge, column]
+        if not len(values):
+            raise NoEvidenceError(f"no trial of {name} converged under {gauge}")
+        return float(values.mean())
+
+    def difference(self, names: Iterable[str], column: str, gauge: str, reference: str = "fix") -> Interval:
+        """Interval of the mean paired difference, relative to the reference's mean of each experiment."""
+        groups = [
+            self.paired(name, column, gauge, reference) / self.mean(name, column, reference) for name in names
+        ]
+        return bootstrap(groups, mean, self.criteria)
+
+    def interval(self, differences: np.ndarray) -> tuple[float, float]:
+        """Bootstrap interval of the mean of paired differences."""
+        found = bootstrap([differences], mean, self.criteria)
+        return found.low, found.high
+
+    def time_ratio(
+        self, names: Iterable[str], gauge: str, reference: str = "fix", *, each: bool = False
+    ) -> Interval:
+        """Interval of the median paired ratio of times, of an iteration where ``each``.
+
+        Pairs are converged solves of one trial and repeat; trials (of a sequence: repeats) are drawn anew.
+        """
+        groups = []
+        for name in names:
+            timing = timing_of(pd.read_csv(self.timings[name]), self.converged[name])
+            timing = timing[timing["gauge"].isin((gauge, reference))]
+            table = paired_ratios(timing, "gauge", reference, each=each)
+            if gauge not in table or not len(table):
+                raise NoEvidenceError(f"no trial of {name} converged under both {gauge} and {reference}")
+            ratio = table[gauge]
+            by_trial = ratio.groupby("trial").median()
+            groups.append((by_trial if len(by_trial) > 1 else ratio).to_numpy(dtype=float))
+        return bootstrap(groups, median, self.criteria)
+
+    def covariance(self, name: str) -> dict[str, np.ndarray]:
+        """Covariances of trial 0; they are evidence only where its runs converged in every gauge."""
+        good = self.converged[name]
+        missing = set(GAUGES) - set(good.loc[good["trial"] == 0, "gauge"])
+        if missing:
+            raise NoEvidenceError(f"trial 0 of {name} did not converge under {', '.join(sorted(missing))}")
+        arrays = load_arrays(self.covariances[name])
+        if str(arrays["withheld"]):
+            raise NoEvidenceError(f"{name}: {arrays['withheld']}")
+        return arrays
+
+    def reason(self, table: str, *, failed: bool = False) -> pd.DataFrame:
+        """Table of an experiment that explains results, without the runs that did not converge.
+
+        With ``failed`` they are in it: for a claim that is about failures.
+        """
+        rows = pd.read_csv(self.reasons[table], dtype={"weight": str, "label": str, "gauge": str})
+        return rows if failed or "converged" not in rows else rows[rows["converged"]]
+
+    def left_out(self, *tables: str) -> str:
+        """How many runs of explaining experiments did not converge, for the end of a sentence, or nothing."""
+        count = sum(len(self.reason(name, failed=True)) - len(self.reason(name)) for name in tables)
+        return f" ({count} runs that did not converge left out)" if count else ""
+
+    @cached_property
+    def sweep_table(self) -> pd.DataFrame:
+        return pd.read_csv(self.sweep, dtype={"weight": str}).query("converged")
+
+    @cached_property
+    def sweep_paths(self) -> pd.DataFrame:
+        """Iterations of the sweep."""
+        return pd.read_csv(self.sweep_trace, dtype={"weight": str})
+
+    @cached_property
+    def sweep_times(self) -> pd.Series:
+        """Median seconds of the runs that converged by weight, in the order of the sweep."""
+        timing = pd.read_csv(self.sweep_timing, dtype={"weight": str})
+        timing = timing_of(timing, self.sweep_table, "weight")
+        return timing.groupby("weight", sort=False)["seconds"].median()

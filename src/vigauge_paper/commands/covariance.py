@@ -1,0 +1,144 @@
+"""Covariances of one experiment in every gauge, and how well Eq. (12) joins them (Section VI).
+
+Three comparisons with the fixed covariance: the transformed free one at the same point, where
+(12) is an identity; the same between the separately converged estimates, as in the paper; and
+the prior's, under its weight and under the square of it, as which the paper's weights act.
+
+Where the problem is degenerate, or a run did not converge, there is no covariance: the archive
+then has the reason under ``withheld`` (otherwise empty), and the spectrum, but no matrices.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from vigauge.cli.command import LOG
+from vigauge.covariance.covariance import covariance_of, motion_pseudo_inverse, spectrum, transform_covariance
+from vigauge.errors import DegenerateError
+from vigauge.gauge.gauges import FixedGauge, PriorGauge
+from vigauge.model.archive import load_problems, load_states, load_statuses, save_arrays
+from vigauge.model.evaluation import covariance_defects, relative_frobenius
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.observability.diagnosis import Diagnosis, diagnose
+from vigauge.solver.levenberg_marquardt import CONVERGED, Status
+from vigauge.solver.normal_equations import linearise
+from vigauge_paper.run.artefacts import add_prior_weight
+from vigauge_paper.run.stage import Stamped, json_argument, parser, run
+
+# Covariances of the archive, and how far from symmetric and positive they may be: rounding errors.
+MATRICES = ("free", "fixed", "prior", "transformed", "transformed_same_point")
+DEFECT_LIMIT = 1e-8
+
+
+def compare_gauges(
+    problem: Problem, fix: State, prior: State, free: State, prior_weight: float
+) -> dict[str, np.ndarray | float | int]:
+    """Covariances at the three estimates and at one common point, and their distances."""
+    reference, fixed_gauge = problem.initial, FixedGauge()
+    prior_gauge = PriorGauge(prior_weight)
+    at_fix, at_free = linearise(problem, fix), linearise(problem, free)
+    at_prior = linearise(problem, prior)
+    fixed = covariance_of(at_fix, fix, fixed_gauge, reference)
+    free_covariance = motion_pseudo_inverse(at_free, free)
+    transformed, moved = transform_covariance(free_covariance, free, fixed_gauge, reference)
+    with_prior = covariance_of(at_prior, prior, prior_gauge, reference)
+    squared = covariance_of(at_fix, fix, PriorGauge(prior_weight**2), reference)
+    free_at_fix = motion_pseudo_inverse(at_fix, fix)
+    same_point, _ = transform_covariance(free_at_fix, fix, fixed_gauge, reference)
+    found = spectrum(at_free)
+    pull = prior_gauge.prior(prior, reference)
+    assert pull is not None
+    with_pull = at_prior.with_prior(pull.columns, pull.residual, pull.jacobian)
+    return {
+        "free": free_covariance,
+        "transformed": transformed,
+        "fixed": fixed,
+        "prior": with_prior,
+        "transformed_same_point": same_point,
+        "relative_frobenius_same_point": relative_frobenius(same_point, fixed),
+        "relative_frobenius_converged": relative_frobenius(transformed, fixed),
+        "relative_frobenius_prior": relative_frobenius(with_prior, fixed),
+        "relative_frobenius_prior_squared": relative_frobenius(squared, fixed),
+        "p_W_free": free.p_W,
+        "p_W_transformed": moved.p_W,
+        "p_W_fixed": fix.p_W,
+        "n_keyframes": free.n_keyframes,
+        "n_landmarks": free.n_landmarks,
+        "n_parameters": free.n_parameters,
+        "rank_free": found.rank,
+        "rank_fix": spectrum(at_fix, fixed_gauge.held(fix)).rank,
+        "rank_prior": spectrum(with_pull).rank,
+        "eigenvalues": found.eigenvalues,
+        "gap": found.gap,
+    }
+
+
+def without_covariance(state: State, found: Diagnosis, withheld: str) -> dict[str, np.ndarray | float | int]:
+    """What the archive holds instead of covariances that would mean nothing."""
+    return {
+        "withheld": np.array(withheld),
+        "n_keyframes": state.n_keyframes,
+        "n_landmarks": state.n_landmarks,
+        "n_parameters": state.n_parameters,
+        # Holding four columns along the orbit takes no rank away, a prior on them adds four.
+        "rank_free": found.rank,
+        "rank_fix": found.rank,
+        "rank_prior": found.rank + found.expected,
+        "eigenvalues": found.eigenvalues,
+        "gap": found.gap,
+    }
+
+
+def work(options: argparse.Namespace) -> None:
+    problem = load_problems(options.problems)[0]
+    if options.noise:
+        problem = problem.with_noise(**options.noise)
+    fix, prior, free = load_states(options.states)
+    failed = [
+        f"{gauge} ({status})"
+        for gauge, status in zip(("fix", "prior", "free"), load_statuses(options.states), strict=True)
+        if Status(status) not in CONVERGED
+    ]
+    found = diagnose(problem, free)
+    withheld = found.withheld or (f"the run did not converge: {', '.join(failed)}" if failed else "")
+    if withheld:
+        save_arrays(options.output, without_covariance(free, found, withheld))
+        LOG.warning("covariance withheld; %s", withheld)
+        return
+    arrays = compare_gauges(problem, fix, prior, free, options.prior_weight)
+    defects = {name: covariance_defects(np.asarray(arrays[name])) for name in MATRICES}
+    for name, found_defects in defects.items():
+        if max(found_defects.asymmetry, found_defects.negativity) > DEFECT_LIMIT:
+            raise DegenerateError(f"covariance '{name}' is none: {found_defects}")
+    arrays |= {f"asymmetry_{name}": d.asymmetry for name, d in defects.items()}
+    arrays |= {f"negativity_{name}": d.negativity for name, d in defects.items()}
+    save_arrays(options.output, {"withheld": np.array(""), **arrays})
+    LOG.info("%s", found.sentence)
+    LOG.info(
+        "relative Frobenius distance to fixed: %.2e at the same point, %.2e converged, %.2e prior",
+        arrays["relative_frobenius_same_point"],
+        arrays["relative_frobenius_converged"],
+        arrays["relative_frobenius_prior"],
+    )
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--problems", type=Path, required=True, help="archive; its first problem is used")
+    arguments.add_argument(
+        "--states", type=Path, required=True, help="estimates in the order fix, prior, free"
+    )
+    add_prior_weight(arguments)
+    arguments.add_argument("--noise", type=json_argument, default={}, help="noise model, as in the config")
+    arguments.add_argument(
+        "--output", type=Path, required=True, help="output: covariances and their distances"
+    )
+    run(work, arguments, Stamped({"prior_weight": "prior.weight"}, outputs=("output",)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Front-end: from an ASL sequence to a problem, the truth at its keyframes, and a report.
+
+Ground truth gives the known biases; the truth that is written serves evaluation only: first without the
+steps that the accelerometer rules out, then as published.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from vigauge.cli.command import LOG
+from vigauge.files import write_json
+from vigauge.model.archive import save_problems, save_states
+from vigauge.recordings.asl.ground_truth import read_ground_truth
+from vigauge.recordings.asl.sequence import read_sequence
+from vigauge.recordings.asl.truth_steps import find_steps, steps_between, without_steps
+from vigauge.recordings.frontend.build import build_problem
+from vigauge.recordings.frontend.settings import FrontEndSettings
+from vigauge_paper.run.stage import Stamped, json_argument, parser, run
+
+
+def work(options: argparse.Namespace) -> None:
+    settings = FrontEndSettings.from_mapping(options.settings)
+    sequence = read_sequence(options.sequence, sort=options.sort)
+    biases = read_ground_truth(options.biases, sort=options.sort)
+    same = options.truth == options.biases
+    truth = biases if same else read_ground_truth(options.truth, sort=options.sort)
+    mended = {
+        "imu_rows_repeated": sequence.n_repeated_imu,
+        "imu_rows_sorted": sequence.n_unsorted_imu,
+        "image_rows_sorted": sequence.frames.n_unsorted,
+        "truth_rows_sorted": truth.n_unsorted,
+    }
+    for what, count in mended.items():
+        if count:
+            LOG.warning("%s: %s: %d", sequence.name, what.replace("_", " "), count)
+    problem, t_ns, report = build_problem(sequence, biases, settings, progress=True)
+    steps = find_steps(truth, sequence.imu, settings.gravity_mps2)
+    inside = steps_between(steps, int(t_ns[0]), int(t_ns[-1]))
+    for step in inside:
+        LOG.warning(
+            "%s: the truth's position jumps by %.1f mm at %d ns; taken out",
+            sequence.name,
+            1e3 * step.length_m,
+            step.t_ns,
+        )
+    save_states(options.truth_output, [without_steps(truth, steps).states_at(t_ns), truth.states_at(t_ns)])
+    save_problems(options.output, [problem])
+    details = report.to_mapping()
+    evaluation = {
+        "truth": options.truth.name,
+        "biases": options.biases.name,
+        "truth_steps": None
+        if steps is None
+        else [{"t_ns": step.t_ns, "shift_m": step.shift_W.tolist()} for step in inside],
+    }
+    write_json(options.report, details | mended | evaluation)
+    LOG.info(
+        "%s: %d keyframes, %d landmarks, %d observations, median reprojection error %.2f px",
+        sequence.name,
+        len(t_ns),
+        problem.initial.n_landmarks,
+        len(problem.obs_uv),
+        details["median_reprojection_end_px"],
+    )
+
+
+def sources_of(options: argparse.Namespace) -> list[Path]:
+    """Tables of the sequence, by which its data are known; images are named in them."""
+    mav0 = options.sequence / "mav0"
+    tables = {mav0 / sensor / "data.csv" for sensor in ("cam0", "cam1", "imu0")}
+    return sorted(tables | {options.biases / "data.csv", options.truth / "data.csv"})
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--sequence", type=Path, required=True, help="folder with mav0/ in it")
+    arguments.add_argument(
+        "--biases", type=Path, required=True, help="ground-truth folder of the known biases"
+    )
+    arguments.add_argument("--truth", type=Path, required=True, help="ground-truth folder for evaluation")
+    arguments.add_argument("--settings", type=json_argument, required=True, help="front-end settings")
+    arguments.add_argument("--sort", action="store_true", help="put rows in order of time, and count them")
+    arguments.add_argument("--output", type=Path, required=True, help="output: the problem")
+    arguments.add_argument(
+        "--truth-output",
+        type=Path,
+        required=True,
+        help="output: true states at the keyframes, without steps and as published",
+    )
+    arguments.add_argument("--report", type=Path, required=True, help="output: counts and errors")
+    run(
+        work,
+        arguments,
+        Stamped({}, outputs=("output", "truth_output", "report"), sources=sources_of),
+    )
+
+
+if __name__ == "__main__":
+    main()

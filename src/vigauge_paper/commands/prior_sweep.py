@@ -1,0 +1,89 @@
+"""Solve one configuration under a range of prior weights (Section V-A, Figs. 4-6).
+
+The first entry of the trace is also the free gauge, to compare with weight zero.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from tqdm import tqdm
+
+from vigauge.cli.command import LOG
+from vigauge.files import write_rows
+from vigauge.gauge.gauges import FreeGauge, Gauge, PriorGauge
+from vigauge.model.archive import load_problems, load_states
+from vigauge.observability.conditioning import condition_number
+from vigauge.solver.levenberg_marquardt import Options
+from vigauge.solver.normal_equations import linearise
+from vigauge_paper.experiments.interleaved import (
+    TimedSolve,
+    Trial,
+    first_solves,
+    solution_row,
+    solve_interleaved,
+    timing_row,
+    trace_rows,
+)
+from vigauge_paper.run.artefacts import add_solver
+from vigauge_paper.run.stage import Stamped, parser, run, settings_from
+
+FREE = "free"
+
+
+def _conditioning(timed: TimedSolve, gauge: Gauge) -> dict[str, object]:
+    """Condition number of the scaled reduced system at the end of a run, its prior included."""
+    problem, state = timed.trial.problem, timed.solution.state
+    equations = linearise(problem, state)
+    prior = gauge.prior(state, problem.initial)
+    if prior is not None:
+        equations = equations.with_prior(prior.columns, prior.residual, prior.jacobian)
+    return {"condition": condition_number(equations)}
+
+
+def work(options: argparse.Namespace) -> None:
+    solver = settings_from(Options, options.solver, "solver")
+    truth = load_states(options.truth)[0]
+    trials = [Trial({"trial": i}, p) for i, p in enumerate(load_problems(options.problems))]
+    gauges: dict[str, Gauge] = {weight: PriorGauge(float(weight)) for weight in options.weights}
+    gauges[FREE] = FreeGauge()
+
+    def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
+        return tqdm(trials, desc="prior weights", unit="trial", disable=None)
+
+    solves = solve_interleaved(trials, gauges, solver, clock=time.perf_counter, progress=bar)
+    first = first_solves(solves, gauges)
+    rows = [solution_row(s, truth, "weight") | _conditioning(s, gauges[s.gauge]) for s in first]
+    write_rows(options.sweep, rows)
+    write_rows(options.trace, [row for s in first for row in trace_rows(s, "weight")])
+    write_rows(options.timing, [timing_row(s, "weight") for s in solves])
+    LOG.info("%d weights, %d trials", len(options.weights), len(trials))
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--problems", type=Path, required=True)
+    arguments.add_argument("--truth", type=Path, required=True)
+    arguments.add_argument(
+        "--weights", nargs="+", required=True, help="prior weights, as they are to be written"
+    )
+    add_solver(arguments)
+    arguments.add_argument("--sweep", type=Path, required=True, help="output: a row a solve")
+    arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
+    arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
+    run(
+        work,
+        arguments,
+        Stamped(
+            {"solver": "solver", "weights": "prior.sweep_weights"},
+            outputs=("sweep", "trace"),
+            timings=("timing",),
+        ),
+    )
+
+
+if __name__ == "__main__":
+    main()

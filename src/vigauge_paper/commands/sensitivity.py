@@ -1,0 +1,66 @@
+"""Simulate and solve all configurations with one assumption changed, without taking times."""
+
+from __future__ import annotations
+
+import argparse
+from itertools import product
+from pathlib import Path
+
+from vigauge.cli.command import LOG
+from vigauge.files import write_rows
+from vigauge.gauge.gauges import three_gauges
+from vigauge.solver.levenberg_marquardt import Options
+from vigauge.synthetic.scenario import make_scene, make_trials
+from vigauge.synthetic.settings import SimulationSettings
+from vigauge_paper.experiments.changes import changed
+from vigauge_paper.experiments.interleaved import Trial, first_solves, solution_row, solve_interleaved
+from vigauge_paper.ids import HEADLINE
+from vigauge_paper.run.artefacts import add_prior_weight, add_section, add_solver
+from vigauge_paper.run.stage import Stamped, parser, run, settings_from
+
+
+def work(options: argparse.Namespace) -> None:
+    settings, solver = changed(
+        settings_from(SimulationSettings, options.settings | {"n_trials": options.trials}, "simulation"),
+        settings_from(Options, options.solver, "solver"),
+        options.parameter,
+        options.value,
+    )
+    gauges = three_gauges(options.prior_weight)
+    for points, trajectory in product(("plane", "random"), ("sine", "arc", "rec")):
+        scene = make_scene(trajectory, points, settings)
+        trials = [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(make_trials(scene))]
+        solves = solve_interleaved(trials, gauges, solver, clock=lambda: 0.0, warm_up=False)
+        rows = [solution_row(solve, scene.truth) for solve in first_solves(solves, gauges)]
+        write_rows(options.output / f"{trajectory}_{points}.csv", rows)
+        LOG.info("%s = %g: %s %s", options.parameter, options.value, trajectory, points)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--parameter", required=True, help="key of config section simulation or solver")
+    arguments.add_argument("--value", type=float, required=True)
+    arguments.add_argument("--trials", type=int, required=True, help="trials of each configuration")
+    add_section(arguments, "--settings", "simulation")
+    add_solver(arguments)
+    add_prior_weight(arguments)
+    arguments.add_argument(
+        "--output", type=Path, required=True, help="folder that gets a CSV a configuration"
+    )
+    run(
+        work,
+        arguments,
+        Stamped(
+            {
+                "settings": "simulation",
+                "solver": "solver",
+                "prior_weight": "prior.weight",
+                "trials": "sensitivity.trials",
+            },
+            files=lambda options: sorted(options.output.glob("*.csv")),
+        ),
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""Solve an experiment in the three gauges, interleaved and timed inside the process.
+
+BLAS runs on one thread: more are slower at these sizes, and times would not compare.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from tqdm import tqdm
+
+from vigauge.cli.command import LOG
+from vigauge.covariance.consistency import chi_square
+from vigauge.errors import ConfigError
+from vigauge.files import write_json, write_rows
+from vigauge.gauge.gauges import three_gauges
+from vigauge.model.archive import load_problems, load_states, save_states
+from vigauge.model.problem import Problem
+from vigauge.observability.diagnosis import diagnose
+from vigauge.solver.levenberg_marquardt import Options
+from vigauge_paper.experiments.interleaved import (
+    TimedSolve,
+    Trial,
+    first_solves,
+    solution_row,
+    solve_interleaved,
+    timing_row,
+    trace_rows,
+)
+from vigauge_paper.ids import HEADLINE
+from vigauge_paper.run.artefacts import add_prior_weight, add_solver
+from vigauge_paper.run.machine import describe_machine, versions
+from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
+
+
+def _trials(problems: list[Problem], noise: dict[str, dict[str, float]]) -> dict[str, list[Trial]]:
+    """Trials by noise model; the headline model comes first. No models: noise as in the file."""
+    if not noise:
+        return {HEADLINE: [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(problems)]}
+    if HEADLINE not in noise:
+        raise ConfigError("config section 'noise'", "must have a model 'headline'", value=sorted(noise))
+    names = [HEADLINE, *(name for name in noise if name != HEADLINE)]
+    return {
+        name: [
+            Trial({"noise": name, "trial": i}, p.with_noise(**noise[name])) for i, p in enumerate(problems)
+        ]
+        for name in names
+    }
+
+
+def _consistency(timed: TimedSolve) -> dict[str, object]:
+    """Whether the problem is degenerate at the estimate, and the chi-square per redundancy of the two
+    groups of measurements: near 1 if the noise is right.
+
+    NaN where the run did not converge, as there is no minimum to speak of, and where more than
+    the gauge is unobservable.
+    """
+    problem, state = timed.trial.problem, timed.solution.state
+    # Where already the start has no finite cost there is nothing to linearise.
+    degenerate = math.isfinite(timed.solution.cost) and diagnose(problem, state).degenerate
+    visual = inertial = math.nan
+    if timed.solution.converged and not degenerate:
+        found = chi_square(problem, state)
+        visual, inertial = found.visual, found.inertial
+    return {
+        "degenerate": degenerate,
+        "visual_chi2_per_redundancy": visual,
+        "inertial_chi2_per_redundancy": inertial,
+    }
+
+
+def work(options: argparse.Namespace) -> None:
+    solver = settings_from(Options, options.solver, "solver")
+    gauges = three_gauges(options.prior_weight)
+    truth = load_states(options.truth)[0]
+    trials = _trials(load_problems(options.problems), options.noise)
+
+    def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
+        return tqdm(trials, desc="solve", unit="trial", leave=False, disable=None)
+
+    first: list[TimedSolve] = []
+    timed: list[TimedSolve] = []
+    for name, group in trials.items():
+        repeats = options.repeats if name == HEADLINE else 1
+        solves = solve_interleaved(
+            group, gauges, solver, clock=time.perf_counter, repeats=repeats, progress=bar
+        )
+        first += first_solves(solves, gauges)
+        timed += solves if name == HEADLINE else []
+    machine = describe_machine()
+    rows = [solution_row(s, truth) | _consistency(s) for s in first]
+    write_rows(options.solutions, rows)
+    write_rows(options.trace, [row for s in first for row in trace_rows(s)])
+    shown = [s for s in first if s.trial.labels == {"noise": HEADLINE, "trial": 0}]
+    save_states(options.states, [s.solution.state for s in shown], [s.solution.status for s in shown])
+    write_rows(options.timing, [timing_row(s) for s in timed])
+    write_json(options.machine, {"machine": machine, "versions": versions()})
+    failed = sum(not s.solution.converged for s in first)
+    degenerate = sum(bool(row["degenerate"]) for row in rows)
+    LOG.info("%d solves, %d without convergence, %d degenerate", len(first), failed, degenerate)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--problems", type=Path, required=True)
+    arguments.add_argument("--truth", type=Path, required=True)
+    add_prior_weight(arguments)
+    add_solver(arguments)
+    arguments.add_argument(
+        "--noise", type=json_argument, default={}, help="noise models: sigma_px and density_factor"
+    )
+    arguments.add_argument("--repeats", type=int, default=1, help="timed repeats of every trial")
+    arguments.add_argument("--solutions", type=Path, required=True, help="output: a row a solve")
+    arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
+    arguments.add_argument(
+        "--states", type=Path, required=True, help="output: estimates of trial 0 (fix, prior, free)"
+    )
+    arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
+    arguments.add_argument("--machine", type=Path, required=True, help="output: what it ran on")
+    run(
+        work,
+        arguments,
+        Stamped(
+            {"solver": "solver", "prior_weight": "prior.weight"},
+            outputs=("solutions", "trace", "states"),
+            timings=("timing", "machine"),
+        ),
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""Write Table I, II or III as CSV, Markdown and LaTeX."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from vigauge_paper.ids import STAND_IN
+from vigauge_paper.run.artefacts import add_published, add_published_names, named_file, stem_of
+from vigauge_paper.run.stage import parser, run
+from vigauge_paper.tables import (
+    degenerate,
+    left_out,
+    starts,
+    table1,
+    table2,
+    table3,
+    trial_count,
+    wide_errors,
+    write_table,
+)
+
+_BOLD = "Bold: the smaller of fixation and free."
+
+
+def work(options: argparse.Namespace) -> None:
+    solutions = dict(options.solutions)
+    if options.table == 1:
+        note = "Ranks are measured on the Jacobi-scaled Hessian of one simulated problem."
+        write_table(table1(options.covariance), options.output, note=note)
+        return
+    published = options.published / f"table{options.table}.csv" if options.published else None
+    beside = " In brackets: the paper." if published else ""
+    if options.table == 2:
+        rows = table2(solutions)
+        what = f"RMSE in m, deg, m/s; means over {trial_count(solutions)} trials."
+        note = f"{what} {_BOLD}{beside}{left_out(solutions)}{degenerate(solutions)}"
+        write_table(rows, options.output, wide_errors(rows, published), note)
+        return
+    rows = table3(solutions, options.source)
+    names = dict(options.published_names)
+    what = "RMSE in m, deg, m/s" if options.source == "euroc" else f"RMSE in m, deg, m/s; {STAND_IN}"
+    counted = left_out(solutions) + degenerate(solutions)
+    note = f"{what}. {_BOLD}{beside if names else ''}{counted} {starts(solutions)} {_truths(options.reports)}"
+    write_table(rows, options.output, wide_errors(rows, published if names else None, names), note)
+
+
+def _truths(reports: list[tuple[str, Path]]) -> str:
+    """A sentence on what each sequence was evaluated against, from the front-end's reports."""
+    parts = []
+    for name, file in reports:
+        report = json.loads(file.read_text(encoding="utf-8"))
+        truth = f"{report['truth']}{_steps(report['truth_steps'])}"
+        parts.append(f"{name}: {report['keyframes']} keyframes, truth {truth}, biases {report['biases']}")
+    return "; ".join(parts) + "."
+
+
+def _steps(steps: list[dict[str, Any]] | None) -> str:
+    """What was taken out of a truth, in words; empty where nothing was, or its samples do not tell."""
+    if not steps:
+        return ""
+    sizes = ", ".join(f"{1e3 * math.hypot(*step['shift_m']):.1f} mm" for step in steps)
+    return f" (without its jump{'s' * (len(steps) > 1)} of {sizes}, which the accelerometer rules out)"
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--table", type=int, choices=(1, 2, 3), required=True)
+    arguments.add_argument("--covariance", type=Path, help="Table I: archive of covariances and ranks")
+    arguments.add_argument(
+        "--solutions", type=named_file, nargs="+", default=[], help="Tables II, III: NAME=solutions.csv"
+    )
+    arguments.add_argument(
+        "--source", choices=("euroc", "rendered"), help="Table III: where the sequences are from"
+    )
+    arguments.add_argument(
+        "--output", type=stem_of, required=True, help="the CSV; Markdown and LaTeX go beside it"
+    )
+    arguments.add_argument(
+        "--reports",
+        type=named_file,
+        nargs="+",
+        default=[],
+        help="Table III: NAME=report.json of the front-end",
+    )
+    add_published_names(arguments)
+    add_published(arguments)
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

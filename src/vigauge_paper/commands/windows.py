@@ -1,0 +1,77 @@
+"""Put the windows of all recordings into one table, and start beside optimum into another."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from pathlib import Path
+
+from vigauge.cli.command import LOG
+from vigauge.errors import DataError
+from vigauge.files import write_rows, write_text
+from vigauge_paper.experiments.windows import COMPARED, summarise
+from vigauge_paper.ids import STAND_IN
+from vigauge_paper.run.stage import parser, run
+from vigauge_paper.tables import markdown
+
+_SHOWN = (
+    "window",
+    "keyframes",
+    "landmarks",
+    "noise",
+    "gauge",
+    "iterations",
+    *(name for error in COMPARED for name in (f"start_{error}", error)),
+    "relative_frobenius_same_point",
+    "relative_frobenius_converged",
+)
+
+
+def _cell(text: str) -> object:
+    try:
+        return float(text) if "." in text or "e" in text else text
+    except ValueError:
+        return text
+
+
+def work(options: argparse.Namespace) -> None:
+    rows: list[dict[str, str]] = []
+    for file in options.rows:
+        with file.open(encoding="utf-8", newline="") as stream:
+            rows += csv.DictReader(stream)
+    if not rows:
+        raise DataError("windows", "there must be at least one window", value=0)
+    write_rows(options.output, [{**row, "source": options.source} for row in rows])
+    summary = summarise(rows)
+    if summary:
+        write_rows(options.summary, summary)
+    else:
+        write_text(options.summary, "noise,error\n")
+    solved = [{name: _cell(row[name]) for name in _SHOWN} for row in rows if row["gauge"]]
+    refused = [{name: row[name] for name in ("window", "stopped_at", "why")} for row in rows if row["why"]]
+    text = ["# Windows of the recordings", ""]
+    if options.source != "euroc":
+        text += [f"{STAND_IN}.", ""]
+    text += [markdown(solved)] if solved else []
+    if summary:
+        about = (
+            "Is the optimum (free gauge) nearer to the truth than the start? Windows in pairs; "
+            "a ratio below 1 says yes. Windows of one recording overlap, which makes p smaller than it is."
+        )
+        text += ["## Start and optimum", "", markdown(summary, about)]
+    text += ["## Not used", "", markdown(refused)] if refused else []
+    write_text(options.output.with_suffix(".md"), "\n".join(text))
+    LOG.info("%d rows, %d of them of windows that stopped", len(rows), len(refused))
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--rows", type=Path, nargs="+", required=True, help="CSV of each window")
+    arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
+    arguments.add_argument("--output", type=Path, required=True, help="output: CSV; Markdown goes beside it")
+    arguments.add_argument("--summary", type=Path, required=True, help="output: start against optimum")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""Repeated solves of one experiment: the gauges side by side, trial by trial.
+
+Gauges are interleaved and their order turns from trial to trial, so that a slow moment of
+the machine falls on all of them alike and times can be compared in pairs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+from vigauge.gauge.gauges import Gauge
+from vigauge.model.evaluation import align_all_poses, trajectory_errors
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.solver.levenberg_marquardt import Options, Solution, solve
+
+Row = dict[str, object]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A problem with the labels that its rows carry, e.g. {"trial": 3}."""
+
+    labels: Row
+    problem: Problem
+
+
+@dataclass(frozen=True)
+class TimedSolve:
+    """One solve: which trial, which gauge, which repeat, and its outcome."""
+
+    trial: Trial
+    gauge: str
+    repeat: int
+    solution: Solution
+
+
+def solve_interleaved(
+    trials: Sequence[Trial],
+    gauges: Mapping[str, Gauge],
+    options: Options,
+    *,
+    clock: Callable[[], float],
+    repeats: int = 1,
+    warm_up: bool = True,
+    progress: Callable[[Iterable[Trial]], Iterable[Trial]] = lambda trials: trials,
+) -> list[TimedSolve]:
+    """Solve every trial in every gauge ``repeats`` times, gauges taking turns.
+
+    ``gauges`` maps the label that rows carry to the gauge. A warm-up solve in each gauge
+    goes unrecorded. ``progress`` may wrap the trials of a repeat, e.g. in a bar.
+    """
+    names = list(gauges)
+    if warm_up and trials:
+        for name in names:
+            solve(trials[0].problem, gauges[name], options)
+    out = []
+    for repeat in range(repeats):
+        for index, trial in enumerate(progress(trials)):
+            turn = (index + repeat) % len(names)
+            for name in names[turn:] + names[:turn]:
+                solution = solve(trial.problem, gauges[name], options, clock=clock)
+                out.append(TimedSolve(trial, name, repeat, solution))
+    return out
+
+
+def first_solves(solves: Iterable[TimedSolve], gauges: Iterable[str]) -> list[TimedSolve]:
+    """The solves of repeat 0, ordered by trial and then gauge (not by turn)."""
+    order = {name: position for position, name in enumerate(gauges)}
+    first = [s for s in solves if s.repeat == 0]
+    seen = {id(t): position for position, t in reversed(list(enumerate(s.trial for s in first)))}
+    return sorted(first, key=lambda s: (seen[id(s.trial)], order[s.gauge]))
+
+
+def solution_row(timed: TimedSolve, truth: State, label: str = "gauge") -> Row:
+    """Outcome of one solve: status, counts, RMSE against the truth; no times."""
+    problem, solution = timed.trial.problem, timed.solution
+    end = trajectory_errors(solution.state, truth)
+    start = trajectory_errors(problem.initial, truth)
+    return {
+        **timed.trial.labels,
+        label: timed.gauge,
+        "status": str(solution.status),
+        "converged": solution.converged,
+        "iterations": solution.iterations,
+        "cost": solution.cost,
+        "p_rmse_m": end.p_rmse_m,
+        "phi_rmse_deg": end.phi_rmse_deg,
+        "v_rmse_mps": end.v_rmse_mps,
+        "p_rmse_all_poses_m": trajectory_errors(solution.state, truth, align_all_poses).p_rmse_m,
+        "start_p_rmse_all_poses_m": trajectory_errors(problem.initial, truth, align_all_poses).p_rmse_m,
+        "start_p_rmse_m": start.p_rmse_m,
+        "start_phi_rmse_deg": start.phi_rmse_deg,
+        "start_v_rmse_mps": start.v_rmse_mps,
+        "mean_reprojection_px": solution.trace[-1].mean_reprojection_px,
+    }
+
+
+def trace_rows(timed: TimedSolve, label: str = "gauge") -> list[Row]:
+    """The trace of one solve, a row an iteration, without times."""
+    rows = []
+    for number, iteration in enumerate(timed.solution.trace):
+        values = asdict(iteration)
+        del values["seconds"]
+        rows.append({**timed.trial.labels, label: timed.gauge, "iteration": number, **values})
+    return rows
+
+
+def timing_row(timed: TimedSolve, label: str = "gauge") -> Row:
+    """Seconds of one solve by the clock it was given."""
+    return {
+        **timed.trial.labels,
+        label: timed.gauge,
+        "repeat": timed.repeat,
+        "iterations": timed.solution.iterations,
+        "seconds": timed.solution.seconds,
+    }

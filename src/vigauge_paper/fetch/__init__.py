@@ -1,0 +1,1 @@
+"""EuRoC from its archive."""

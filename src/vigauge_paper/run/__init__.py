@@ -1,0 +1,1 @@
+"""Stages, stamps, configuration."""

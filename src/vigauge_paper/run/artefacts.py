@@ -1,0 +1,75 @@
+"""What commands share: lists of named files, sections of the configuration, the published numbers."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from vigauge.files import write_rows
+from vigauge_paper.run.stage import json_argument
+
+
+def named_text(text: str) -> tuple[str, str]:
+    """NAME=TEXT of the command line."""
+    name, equals, value = text.partition("=")
+    if not equals or not name or not value:
+        raise argparse.ArgumentTypeError(f"must be NAME=VALUE, not {text!r}")
+    return name, value
+
+
+def named_file(text: str) -> tuple[str, Path]:
+    """NAME=FILE of the command line."""
+    name, file = named_text(text)
+    return name, Path(file)
+
+
+def add_section(arguments: argparse.ArgumentParser, flag: str, section: str) -> None:
+    """A flag that carries a section of the configuration as JSON."""
+    arguments.add_argument(flag, type=json_argument, required=True, help=f"config section '{section}'")
+
+
+def add_solver(arguments: argparse.ArgumentParser) -> None:
+    """``--solver`` JSON: the Levenberg-Marquardt options."""
+    add_section(arguments, "--solver", "solver")
+
+
+def add_prior_weight(arguments: argparse.ArgumentParser, about: str = "w^P of Section V-A") -> None:
+    """``--prior-weight``, 1/m^2 and 1/rad^2."""
+    arguments.add_argument("--prior-weight", type=float, required=True, help=about)
+
+
+def add_published(arguments: argparse.ArgumentParser) -> None:
+    """``--published FOLDER`` of the paper's numbers; without it nothing is compared."""
+    arguments.add_argument(
+        "--published", type=Path, help="folder of the published numbers to show beside ours"
+    )
+
+
+def add_published_names(arguments: argparse.ArgumentParser) -> None:
+    """``--published-names``: which sequences are the paper's, and what it calls them."""
+    arguments.add_argument(
+        "--published-names",
+        type=named_text,
+        nargs="*",
+        default=[],
+        help="NAME=the paper's name of a sequence",
+    )
+
+
+def table_files(names: Sequence[str]) -> Callable[[argparse.Namespace], list[Path]]:
+    """The files that :func:`write_tables` makes, for the stage's stamp."""
+    return lambda options: [options.output / f"{name}.csv" for name in names]
+
+
+def write_tables(
+    folder: Path, names: Sequence[str], tables: Mapping[str, Sequence[Mapping[str, object]]]
+) -> None:
+    """NAME.csv of each table; other experiments write beside them, so a stage names its own."""
+    for name in names:
+        write_rows(folder / f"{name}.csv", tables[name])
+
+
+def stem_of(text: str) -> Path:
+    """Path without its ending: an artefact comes in several formats beside each other."""
+    return Path(text).with_suffix("")

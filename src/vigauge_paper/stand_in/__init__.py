@@ -1,0 +1,1 @@
+"""The rendered sequences that take EuRoC's place."""

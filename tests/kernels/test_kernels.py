@@ -1,0 +1,169 @@
+"""Kernels against plain NumPy forms: rotations at every size of angle, products, damping."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import vigauge
+from vigauge.geometry import so3
+from vigauge.kernels import blas, damping, rotation
+
+ANGLES = [0.0, 1e-300, 1e-12, 1e-8, 1e-4, 0.29999999, 0.3, 0.30000001, 1.0, 3.0, np.pi - 1e-9, np.pi, 6.0]
+vectors = st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array)
+
+
+def filled(function, argument):
+    out = np.empty(3 if function is rotation.log else (3, 3))
+    function(argument, out)
+    return out
+
+
+PAIRS = [
+    (rotation.exp, so3.exp),
+    (rotation.left_jacobian, so3.left_jacobian),
+    (rotation.right_jacobian_inverse, so3.right_jacobian_inverse),
+]
+
+
+@pytest.mark.parametrize(("compiled", "plain"), PAIRS, ids=lambda function: getattr(function, "__name__", ""))
+@pytest.mark.parametrize("angle", ANGLES)
+def test_compiled_forms_at_chosen_angles(compiled, plain, angle):
+    """Catches a wrong series, a sign, or a jump at the threshold between series and closed form."""
+    phi = angle * np.array([2.0, -1.0, 2.0]) / 3.0
+    assert np.abs(filled(compiled, phi) - plain(phi)).max() < 2e-14
+
+
+@pytest.mark.parametrize(("compiled", "plain"), PAIRS, ids=lambda function: getattr(function, "__name__", ""))
+@given(phi=vectors)
+def test_compiled_forms_anywhere(compiled, plain, phi):
+    """Catches mixed-up axes."""
+    assert np.abs(filled(compiled, phi) - plain(phi)).max() < 2e-14
+
+
+@given(phi=vectors)
+def test_logarithm(phi):
+    """Catches a branch of Shepperd's method with exchanged components."""
+    R = so3.exp(phi)
+    assert np.abs(so3.exp(filled(rotation.log, R)) - R).max() < 1e-14
+
+
+@pytest.mark.parametrize("axis", np.eye(3))
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, np.pi - 1e-7, np.pi])
+def test_logarithm_near_half_a_turn(angle, axis):
+    """Catches lost digits where the trace of R no longer tells the angle."""
+    found = filled(rotation.log, so3.exp(angle * axis))
+    assert min(np.abs(found - angle * axis).max(), np.abs(found + angle * axis).max()) < 1e-14
+
+
+def test_rotations_are_retracted_as_by_the_definitions():
+    """Catches the first keyframe moved by a left increment instead of its total, Eqs. (8)-(9)."""
+    rng = np.random.default_rng(0)
+    R_WB, step = so3.exp(rng.normal(size=(5, 3))), rng.normal(size=(5, 3))
+    dphi_0, R_ref = rng.normal(size=3), so3.exp(rng.normal(size=3))
+    out = np.empty_like(R_WB)
+    rotation.retract_rotations(R_WB, step, dphi_0, R_ref, out)
+    assert np.abs(out[0] - so3.exp(dphi_0) @ R_ref).max() < 1e-14
+    assert np.abs(out[1:] - so3.exp(step[1:]) @ R_WB[1:]).max() < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "first", "end"), [(7, 60, 0, 60), (96, 55, 12, 54), (5, 24, 8, 24), (1, 3, 1, 2)]
+)
+def test_products_of_some_columns(rows, columns, first, end):
+    """Catches a panel that is shifted, transposed, or overwrites what was there: columns before ``first``
+    and from ``end`` on are not to be touched, the others are added to."""
+    rng = np.random.default_rng(0)
+    A, before = rng.normal(size=(rows, columns)), rng.normal(size=(columns, columns))
+    out = before.copy()
+    blas.add_gram(A.ravel(), rows, columns, first, end, out.ravel(), np.empty(4, dtype=np.int32))
+    part = slice(first, end)
+    expected = before.copy()
+    expected[part, part] += A[:, part].T @ A[:, part]
+    upper = np.triu(np.ones_like(out, dtype=bool))
+    assert np.abs(out - expected)[upper].max() < 1e-13 * rows
+    outside = np.ones_like(upper)
+    outside[part, part] = False
+    assert np.array_equal(out[outside], before[outside])
+
+
+def test_damping_is_clamped_where_columns_are_scaled():
+    """Catches clamps applied to the diagonal itself, or a radius that multiplies."""
+    diagonal, scale = np.array([4.0, 1e-12, 1e40]), np.array([0.5, 2.0, 1.0])
+    out = np.empty(3)
+    damping.clamped(diagonal, scale**2, 1e-6, 1e32, 10.0, out)
+    assert np.allclose(out, np.clip(diagonal * scale**2, 1e-6, 1e32) / scale**2 / 10.0, rtol=1e-15)
+
+
+def test_predicted_decrease_is_that_of_the_model():
+    """Catches a lost half or sign: -(g x + x H x / 2) where (H + D) x = -g."""
+    rng = np.random.default_rng(1)
+    J, g, D = rng.normal(size=(8, 5)), rng.normal(size=5), rng.uniform(0.1, 1.0, 5)
+    H = J.T @ J
+    x = np.linalg.solve(H + np.diag(D), -g)
+    assert damping.predicted_decrease(g, D, x) == pytest.approx(-(g @ x + 0.5 * x @ H @ x), rel=1e-12)
+
+
+_SOLVE = """
+import hashlib
+from support.random_problem import random_problem
+from vigauge.gauge.gauges import FreeGauge
+from vigauge.solver.levenberg_marquardt import solve
+s = solve(random_problem(4, n_keyframes=12, n_landmarks=60), FreeGauge()).state
+print(hashlib.sha256(b"".join(a.tobytes() for a in (s.p_W, s.R_WB, s.v_W, s.X_W))).hexdigest())
+"""
+
+
+_COST = """
+from support.random_problem import random_problem
+from vigauge.solver.residuals import cost
+problem = random_problem(4, n_keyframes=12, n_landmarks=60)
+print(cost(problem, problem.initial))
+"""
+
+
+def test_the_process_that_compiles_computes_what_later_ones_do(tmp_path):
+    """Catches kernels that call each other as functions of their own: while they are compiled the one that is
+    called is another piece of machine code than the copy that is kept on disk, and last digits differ."""
+    tests = Path(__file__).parent
+    environment = dict(os.environ) | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(tests)}
+    found = [
+        subprocess.run(
+            [sys.executable, "-c", _SOLVE], env=environment, capture_output=True, text=True, check=True
+        ).stdout
+        for _ in range(2)
+    ]
+    assert list(tmp_path.rglob("*.nbi"))
+    assert found[0] == found[1] != ""
+
+
+def test_machine_code_on_disk_is_that_of_the_sources(tmp_path):
+    """Catches code of yesterday's parts in today's kernel: Numba looks at the kernel's own file only, and
+    arrays of another number of lanes would then be run through with the old one."""
+    package = Path(vigauge.__file__).parent
+    copy = tmp_path / "vigauge"
+    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    tests = Path(__file__).parent
+    environment = dict(os.environ) | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(tests)]),
+    }
+
+    def cost() -> float:
+        run = [sys.executable, "-c", _COST]
+        return float(subprocess.run(run, env=environment, capture_output=True, text=True, check=True).stdout)
+
+    before = cost()
+    lanes = copy / "kernels" / "lanes.py"
+    text = lanes.read_text().replace("LANES = 16", "LANES = 8")
+    assert text != lanes.read_text()
+    lanes.write_text(text)
+    assert cost() == pytest.approx(before, rel=1e-9)

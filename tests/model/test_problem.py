@@ -1,0 +1,136 @@
+"""Problems: the order of observations, and bad measurements refused before they reach the solver."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.random_problem import random_problem
+from vigauge.errors import DataError
+from vigauge.model.problem import InertialFactors, Problem
+from vigauge.solver.residuals import cost
+
+PROBLEM = random_problem(0)
+
+
+def observations(problem: Problem) -> dict:
+    return {
+        "keyframe": problem.obs_keyframe,
+        "camera": problem.obs_camera,
+        "landmark": problem.obs_landmark,
+        "uv": problem.obs_uv,
+    }
+
+
+def test_observations_may_come_in_any_order():
+    """Catches rows of pixels and indices sorted apart: a shuffled problem is the same problem."""
+    order = np.random.default_rng(0).permutation(len(PROBLEM.obs_uv))
+    shuffled = Problem.from_observations(
+        initial=PROBLEM.initial,
+        cameras=PROBLEM.cameras,
+        sigma_px=PROBLEM.sigma_px,
+        inertial=PROBLEM.inertial,
+        gravity=PROBLEM.gravity,
+        **{name: array[order] for name, array in observations(PROBLEM).items()},
+    )
+    for name, array in observations(PROBLEM).items():
+        assert np.array_equal(observations(shuffled)[name], array)
+
+
+def test_noise_scales_the_cost():
+    """Catches a factor applied to variances instead of deviations, or to the wrong term."""
+    state = PROBLEM.initial
+    both = cost(PROBLEM.with_noise(2.0 * PROBLEM.sigma_px, 2.0), state)
+    assert both == pytest.approx(cost(PROBLEM, state) / 4.0, rel=1e-12)
+    visual_only = cost(PROBLEM.with_noise(PROBLEM.sigma_px, 1e9), state)
+    inertial_only = cost(PROBLEM.with_noise(1e9, 1.0), state)
+    assert visual_only + inertial_only == pytest.approx(cost(PROBLEM, state), rel=1e-9)
+
+
+def _with(array: np.ndarray, row: int, value) -> np.ndarray:
+    array = array.copy()
+    array[row] = value
+    return array
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "rule"),
+    [
+        ("obs_keyframe", lambda a: _with(a, 2, 99), "0..3"),
+        ("obs_keyframe", lambda a: _with(a, 2, -1), "0..3"),
+        ("obs_camera", lambda a: _with(a, 0, 2), "0..1"),
+        ("obs_landmark", lambda a: _with(a, -1, 7), "0..6"),
+        ("obs_keyframe", lambda a: a[:-1], "shape"),
+        ("obs_landmark", lambda a: a[::-1].copy(), "ordered by landmark"),
+        ("obs_uv", lambda a: _with(a, 4, np.nan), "finite"),
+        ("obs_uv", lambda a: np.column_stack([a, a]), "shape"),
+        ("sigma_px", lambda s: 0.0, "positive"),
+        ("sigma_px", lambda s: np.nan, "finite"),
+        ("gravity", lambda g: np.nan, "finite"),
+    ],
+)
+def test_bad_measurements_are_refused(field, change, rule):
+    """Catches bad numbers let into H: the message names field and rule."""
+    with pytest.raises(DataError, match=rule) as caught:
+        replace(PROBLEM, **{field: change(getattr(PROBLEM, field))})
+    assert caught.value.field == field
+
+
+def test_every_landmark_must_be_observed():
+    """Catches a landmark without rows, whose block of H is zero."""
+    rows = PROBLEM.obs_landmark != 3
+    with pytest.raises(DataError, match="observed") as caught:
+        replace(
+            PROBLEM,
+            **{
+                f"obs_{name}": getattr(PROBLEM, f"obs_{name}")[rows]
+                for name in ("keyframe", "camera", "landmark", "uv")
+            },
+        )
+    assert caught.value.row == 3
+
+
+def test_observations_of_a_landmark_must_be_ordered_by_keyframe():
+    """Catches a silently wrong H: a (landmark, keyframe) pair whose rows do not follow each other
+    would be written twice, and the second would wipe out the first."""
+    order = np.lexsort((PROBLEM.obs_keyframe, PROBLEM.obs_camera, PROBLEM.obs_landmark))
+    with pytest.raises(DataError, match="keyframe"):
+        replace(
+            PROBLEM,
+            obs_keyframe=PROBLEM.obs_keyframe[order],
+            obs_camera=PROBLEM.obs_camera[order],
+            obs_landmark=PROBLEM.obs_landmark[order],
+            obs_uv=PROBLEM.obs_uv[order],
+        )
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "rule"),
+    [
+        ("first", lambda a: _with(a, 1, 4), "0..3"),
+        ("second", lambda a: _with(a, 1, PROBLEM.inertial.first[1]), "join two"),
+        ("second", lambda a: _with(a, 1, -1), "0..3"),
+        ("dp", lambda a: _with(a, 1, np.nan), "finite"),
+        ("dR", lambda a: a[:-1], "shape"),
+        ("dt", lambda a: _with(a, 1, 0.0), "positive"),
+        ("covariance", lambda a: _with(a, 1, -np.eye(9)), "positive definite"),
+        ("covariance", lambda a: _with(a, 1, np.nan), "finite"),
+    ],
+)
+def test_bad_inertial_factors_are_refused(field, change, rule):
+    """Catches factors that would surface as an index error or a failed factorisation far away."""
+    with pytest.raises(DataError, match=rule) as caught:
+        replace(
+            PROBLEM,
+            inertial=replace(PROBLEM.inertial, **{field: change(getattr(PROBLEM.inertial, field))}),
+        )
+    assert caught.value.field == field
+
+
+def test_a_chain_of_no_factors():
+    """Catches lost trailing axes where there is nothing to stack."""
+    empty = InertialFactors.chain([])
+    assert empty.dR.shape == (0, 3, 3)
+    assert empty.whitener.shape == (0, 9, 9)

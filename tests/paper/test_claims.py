@@ -1,0 +1,317 @@
+"""The ledger: each claim must be able to come out either way, from result files alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from support.results import CONFIGURATIONS, SEQUENCES, Change, Results
+from vigauge_paper.claims import CLAIMS, Criteria, Evidence, explanations, ledger, paired_statistics, reasons
+from vigauge_paper.claims.evidence import NoEvidenceError
+from vigauge_paper.claims.statistics import effect_size
+
+CRITERIA = Criteria(
+    accuracy_margin=0.025,
+    cost_margin=0.043,
+    covariance_margin=0.116,
+    confidence=0.99,
+    resamples=500,
+    seed=1,
+    sweep_span=0.025,
+    settled_span=0.01,
+)
+
+
+def evidence(results: Results, source: str = "euroc") -> Evidence:
+    """The evidence of made-up results, written to their folder."""
+    return Evidence(
+        **results.write(),
+        sweep_configuration="sine_plane",
+        sequences=SEQUENCES,
+        source=source,
+        cpu="made-up processor",
+        criteria=CRITERIA,
+    )
+
+
+def judge(results: Results, source: str = "euroc") -> dict[str, str]:
+    """Verdicts by claim."""
+    return {str(row["id"]): str(row["verdict"]) for row in ledger(evidence(results, source))}
+
+
+def scaled(column: str, gauge: str, factor: float) -> Change:
+    """Another size of a column under one gauge."""
+
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        table = table.astype({column: float})
+        table.loc[table["gauge"] == gauge, column] *= factor
+        return table
+
+    return change
+
+
+def iterations(**counts: int) -> Change:
+    """Other iteration counts, a gauge each."""
+    return lambda table: table.assign(iterations=table["gauge"].map(counts).fillna(table["iterations"]))
+
+
+def failed(gauge: str) -> Change:
+    """All runs of a gauge did not converge."""
+    return lambda table: table.assign(converged=table["converged"] & (table["gauge"] != gauge))
+
+
+def weights(**columns: list[float]) -> Change:
+    """Other values of the sweep, one a weight."""
+
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        names = list(dict.fromkeys(table["weight"]))
+        return table.assign(
+            **{
+                column: table["weight"].map(dict(zip(names, values, strict=True)))
+                for column, values in columns.items()
+            }
+        )
+
+    return change
+
+
+def value(column: str, number: object, **where: object) -> Change:
+    """One value in a column, in the rows where other columns have what is given."""
+
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        chosen = pd.Series(True, index=table.index)
+        for name, wanted in where.items():
+            chosen &= table[name] == wanted
+        assert chosen.any()
+        return table.assign(**{column: table[column].where(~chosen, number)})
+
+    return change
+
+
+def shrinking() -> np.ndarray:
+    """A fixed covariance of three keyframes whose positions get more certain with time."""
+    fixed = np.diag(np.full(27, 1e-4))
+    fixed[range(3, 9), range(3, 9)] = [3e-4, 3e-4, 3e-4, 2e-4, 2e-4, 2e-4]
+    fixed[range(3), range(3)] = 0.0
+    return fixed
+
+
+def lopsided() -> np.ndarray:
+    """A free covariance with all of its uncertainty in the last keyframes."""
+    return np.diag(np.r_[np.full(3, 1e-9), np.full(24, 1e-4)])
+
+
+ALTERATIONS: dict[str, dict] = {
+    "invariance": {"reasons": {"orbit": value("relative_change", 1e-6, experiment="arc_plane")}},
+    "rank": {"covariance": {"arc_plane": {"rank_free": 37}}},
+    "parameters": {"covariance": {"V1_01_easy": {"rank_prior": 38}}},
+    "yaw-parametrisation": {"reasons": {"yaw": value("yaw_deg", 0.0, update="(8)")}},
+    "weight-accuracy": {"sweep": weights(v_rmse_mps=[0.02, 0.02, 0.03, 0.02, 0.02, 0.02])},
+    "weight-accuracy-settles": {"sweep": weights(phi_rmse_deg=[0.12, 0.12, 0.12, 0.12, 0.12, 0.1201])},
+    "weight-peak": {"sweep": weights(iterations=[4, 5, 6, 7, 8, 9])},
+    "weight-cost-settles": {"sweep": weights(iterations=[4, 12, 8, 6, 5, 9])},
+    "regime-large": {"trace": value("prior_position_m", 0.01, weight="1e8", iteration=2)},
+    "regime-small": {"trace": value("mean_reprojection_px", 2.0, weight="100", iteration=2)},
+    "regime-zero": {"trace": value("cost", 99.0, weight="0", iteration=4)},
+    "large-weights-unstable": {"reasons": {"weights": value("converged", True)}},
+    "same-accuracy": {"solutions": {"rec_random": scaled("v_rmse_mps", "free", 1.1)}},
+    "neither-better": {"solutions": {name: scaled("p_rmse_m", "free", 1.01) for name in CONFIGURATIONS}},
+    "prior-fixation-digits": {"solutions": {"arc_plane": scaled("p_rmse_m", "prior", 1.00001)}},
+    "prior-fixation": {"solutions": {"arc_plane": scaled("p_rmse_m", "prior", 1.1)}},
+    "fewer-iterations": {"solutions": {"rec_plane": iterations(free=6)}},
+    "sine-random": {"solutions": {"sine_random": iterations(free=5)}},
+    "free-faster": {"timing": {name: scaled("seconds", "free", 1.3) for name in CONFIGURATIONS}},
+    "time-per-iteration": {"timing": {name: scaled("seconds", "prior", 0.9) for name in CONFIGURATIONS}},
+    "prior-cost": {"solutions": {name: iterations(prior=8) for name in CONFIGURATIONS}},
+    "fixed-grows": {"covariance": {"sine_plane": {"fixed": shrinking()}}},
+    "fixed-grows-euroc": {"covariance": {"MH_01_easy": {"fixed": shrinking()}}},
+    "free-spreads": {"covariance": {"rec_random": {"free": lopsided()}}},
+    "prior-covariance": {"covariance": {"V1_01_easy": {"relative_frobenius_prior": 18.0}}},
+    "identity": {"covariance": {"V1_01_easy": {"relative_frobenius_same_point": 1e-8}}},
+    "transformed-simulation": {"covariance": {"sine_plane": {"relative_frobenius_converged": 0.01}}},
+    "transformed-euroc": {"covariance": {"V1_01_easy": {"relative_frobenius_converged": 0.001}}},
+    "ellipses-euroc": {"covariance": {"MH_01_easy": {"transformed": shrinking()}}},
+    "euroc-iterations": {"solutions": {"V1_01_easy": iterations(free=6)}},
+    "euroc-time": {"timing": {"MH_01_easy": scaled("seconds", "free", 1.5)}},
+    "euroc-prior-iterations": {"solutions": {"V1_01_easy": iterations(prior=7)}},
+    "euroc-accuracy": {"solutions": {"MH_01_easy": scaled("phi_rmse_deg", "free", 1.1)}},
+}
+ON_EUROC = {
+    "fixed-grows-euroc",
+    "transformed-euroc",
+    "ellipses-euroc",
+    "euroc-iterations",
+    "euroc-time",
+    "euroc-prior-iterations",
+    "euroc-accuracy",
+}
+
+
+def test_results_that_agree_with_the_paper_hold_throughout(tmp_path: Path) -> None:
+    """Catches a criterion that cannot be met."""
+    verdicts = judge(Results(tmp_path))
+    assert set(verdicts.values()) == {"holds"}, verdicts
+
+
+@pytest.mark.parametrize("claim", [claim.id for claim in CLAIMS])
+def test_every_claim_can_differ(tmp_path: Path, claim: str) -> None:
+    """Catches a claim that holds whatever was measured: a new one needs an alteration here."""
+    verdicts = judge(Results(tmp_path, **ALTERATIONS[claim]))
+    assert verdicts[claim] == "differs"
+
+
+def test_stand_ins_conclude_nothing_about_euroc(tmp_path: Path) -> None:
+    """Catches rendered images passing for EuRoC, in claims that hold and in one that does not."""
+    verdicts = judge(Results(tmp_path, **ALTERATIONS["euroc-iterations"]), source="rendered")
+    assert {id for id, verdict in verdicts.items() if verdict == "not tested"} == ON_EUROC
+
+
+def test_failed_runs_leave_a_claim_untested(tmp_path: Path) -> None:
+    """Catches a mean over nothing that counts as agreement (nan < margin, max(0, nan))."""
+    verdicts = judge(Results(tmp_path, solutions={"rec_random": failed("free"), "V1_01_easy": failed("fix")}))
+    untested = {id for id, verdict in verdicts.items() if verdict == "not tested"}
+    assert {"same-accuracy", "fewer-iterations", "euroc-iterations", "euroc-accuracy"} <= untested
+    assert verdicts["prior-fixation"] == "holds"
+
+
+def test_diverged_runs_are_not_averaged(tmp_path: Path) -> None:
+    """Catches one diverged trial that spoils, or hides, a difference of accuracy."""
+
+    def one_diverges(table: pd.DataFrame) -> pd.DataFrame:
+        row = table.index[(table["gauge"] == "free") & (table["trial"] == 3)]
+        table.loc[row, "p_rmse_m"] = 50.0
+        table.loc[row, "converged"] = False
+        return table
+
+    assert judge(Results(tmp_path, solutions={"sine_plane": one_diverges}))["same-accuracy"] == "holds"
+
+
+def test_interval_covers_and_is_repeatable(tmp_path: Path) -> None:
+    """Catches an unseeded bootstrap, and an interval that leaves out the sample mean."""
+    found = evidence(Results(tmp_path))
+    differences = found.paired("arc_plane", "p_rmse_m", "free", "fix")
+    low, high = found.interval(differences)
+    assert low < differences.mean() < high
+    assert (low, high) == found.interval(differences)
+
+
+def test_equivalence_is_no_failed_test_of_difference(tmp_path: Path) -> None:
+    """Catches "no significant difference" passing for "the same": a wide interval must not hold."""
+
+    def noisy(table: pd.DataFrame) -> pd.DataFrame:
+        sign = table["trial"].map({trial: (-1) ** trial for trial in range(12)})
+        factor = (1.0 + 0.2 * sign).where(table["gauge"] == "free", 1.0)
+        return table.assign(v_rmse_mps=table["v_rmse_mps"] * factor)
+
+    found = evidence(Results(tmp_path, solutions={"arc_plane": noisy}))
+    interval = found.difference(["arc_plane"], "v_rmse_mps", "free")
+    assert interval.low < 0.0 < interval.high
+    assert {row["id"]: row["verdict"] for row in ledger(found)}["same-accuracy"] == "differs"
+    (row,) = (
+        row
+        for row in paired_statistics(found)
+        if (row["configuration"], row["gauge"], row["quantity"]) == ("arc_plane", "free", "v_rmse_mps")
+    )
+    assert not row["equivalent"]
+
+
+def test_time_ratios_are_paired(tmp_path: Path) -> None:
+    """Catches a ratio of medians: a machine that slows from trial to trial must not widen the interval."""
+
+    def slowing(table: pd.DataFrame) -> pd.DataFrame:
+        return table.assign(seconds=table["seconds"] * 2.0 ** table["trial"])
+
+    ratio = evidence(Results(tmp_path, timing={"arc_plane": slowing})).time_ratio(["arc_plane"], "prior")
+    assert ratio.within(0.001, centre=1.02)
+
+
+def test_effect_size() -> None:
+    """Catches a division by zero where all trials agree, and a sign lost."""
+    assert effect_size(np.zeros(4)) == 0.0
+    assert effect_size(np.full(4, -1.0)) == -np.inf
+    assert effect_size(np.array([1.0, 3.0])) == pytest.approx(np.sqrt(2.0))
+
+
+def test_reasons_are_given_for_claims_of_the_ledger(tmp_path: Path) -> None:
+    """Catches a reason that fails on its tables, or belongs to no claim; and times without their CPU."""
+    found = evidence(Results(tmp_path))
+    reasons = {str(row["id"]): str(row["why"]) for row in explanations(found)}
+    assert set(reasons) <= {claim.id for claim in CLAIMS}
+    assert {"fewer-iterations", "transformed-simulation", "weight-cost-settles"} <= set(reasons)
+    assert not [why for why in reasons.values() if why.startswith("not explained") or "nan" in why]
+    measured = {str(row["id"]): str(row["measured"]) for row in ledger(found)}
+    for claim in ("free-faster", "time-per-iteration", "prior-cost", "euroc-time"):
+        assert "made-up processor" in measured[claim]
+
+
+def test_rows_have_the_columns_and_verdicts_of_the_contract(tmp_path: Path) -> None:
+    """Catches a column that outside readers rely on being renamed, and a verdict of another word."""
+    rows = ledger(evidence(Results(tmp_path), source="rendered"))
+    assert len({row["id"] for row in rows}) == len(CLAIMS)
+    for row in rows:
+        assert list(row) == ["id", "section", "claim", "published", "measured", "criterion", "verdict"]
+        assert row["verdict"] in ("holds", "differs", "not tested")
+
+
+def test_times_of_runs_that_did_not_converge_enter_no_ratio(tmp_path: Path) -> None:
+    """A run that stopped at the iteration limit and took ten times as long, judged as a slow gauge."""
+
+    def failed(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[(table["gauge"] == "free") & (table["trial"] % 2 == 0), "converged"] = False
+        return table
+
+    def slow(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[(table["gauge"] == "free") & (table["trial"] % 2 == 0), "seconds"] *= 10.0
+        return table
+
+    results = Results(tmp_path, solutions={"arc_plane": failed}, timing={"arc_plane": slow})
+    ratio = evidence(results).time_ratio(["arc_plane"], "free", each=True)
+    assert ratio.estimate == pytest.approx(1.02)
+    assert ratio.high == pytest.approx(1.02)
+
+
+def test_failed_runs_enter_no_reason_and_are_counted(tmp_path: Path) -> None:
+    """An explanation that averages runs which never arrived."""
+
+    def fail(table: pd.DataFrame) -> pd.DataFrame:
+        bad = (table["gauge"] == "free") & (table["trial"] == 0)
+        return table.assign(
+            converged=~bad,
+            iterations=table["iterations"].mask(bad, 1000),
+            p_rmse_m=table["p_rmse_m"].mask(bad, 1e9),
+        )
+
+    def fail_sweep(table: pd.DataFrame) -> pd.DataFrame:
+        return table.assign(converged=table["weight"] != "1e8")
+
+    good = evidence(Results(tmp_path / "good"))
+    altered = {"damping": fail, "tolerance": fail}
+    bad = evidence(Results(tmp_path / "bad", reasons=altered, sweep=fail_sweep))
+    for why in (reasons.damping, reasons.tolerance):
+        assert "left out" not in why(good)
+        said = why(bad)
+        assert "runs that did not converge left out)" in said
+        assert said.replace(said[said.rindex(" (") :], "") == why(good)
+    assert "1e8" in good.sweep_times.index and "1e8" not in bad.sweep_times.index
+
+
+def test_a_withheld_covariance_explains_nothing(tmp_path: Path) -> None:
+    """A reason made of numbers that are not there."""
+    gone = {"exchange": lambda table: table[table["experiment"] != "sine_plane"]}
+    with pytest.raises(NoEvidenceError, match="the covariance of sine_plane is withheld"):
+        reasons.exchange_simulation(evidence(Results(tmp_path, reasons=gone)))
+
+
+def test_free_spread_is_explained_by_draws_that_would_hold_only(tmp_path: Path) -> None:
+    """Catches the draw of landmarks passing for a reason where others are as bad, or where there is none."""
+    wide = {"covariance": {"sine_plane": {"free": lopsided()}}}
+    assert "below 4.6 in 3" in reasons.free_spread(evidence(Results(tmp_path / "a", **wide)))
+    bad = {"free_spread": value("ratio", 9.0, experiment="sine_plane")}
+    said = reasons.free_spread(evidence(Results(tmp_path / "b", reasons=bad, **wide)))
+    assert said.startswith("not explained") and "below 4.6 in 0" in said
+    on_sequence = {"covariance": {"MH_01_easy": {"free": lopsided()}}}
+    said = reasons.free_spread(evidence(Results(tmp_path / "c", **on_sequence)))
+    assert said == "not explained: MH_01_easy is not simulated, and has no other draw"

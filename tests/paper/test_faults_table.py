@@ -1,0 +1,26 @@
+"""The table of faults: every case has a test that exists."""
+
+from __future__ import annotations
+
+import ast
+import csv
+
+from support import ROOT
+
+COLUMNS = ["case", "fault", "expected", "test", "message", "exit_status"]
+
+
+def test_every_fault_names_a_test_that_exists() -> None:
+    """A table that claims what nothing checks."""
+    with (ROOT / "docs" / "faults.csv").open(encoding="utf-8", newline="") as stream:
+        reader = csv.DictReader(stream)
+        rows = list(reader)
+        assert reader.fieldnames == COLUMNS
+    assert rows
+    for row in rows:
+        assert None not in row and row["expected"], row
+        assert set(row["exit_status"].split("; ")) <= {"0", "1", "2"}, row
+        file, name = row["test"].split("::")
+        tree = ast.parse((ROOT / file).read_text("utf-8"))
+        functions = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+        assert name.split("[")[0] in functions, row["test"]

@@ -1,0 +1,146 @@
+"""Experiments that explain the results: each must show its effect where there is one, and none elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from support.simulated import scene, trial
+from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge, three_gauges
+from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge_paper.experiments.exchange import exchange, exchange_published, exchanged
+from vigauge_paper.experiments.first_step import damping_weight, from_published, from_traces
+from vigauge_paper.experiments.free_spread import free_spread, position_variances
+from vigauge_paper.experiments.invariance import cost_on_orbit
+from vigauge_paper.experiments.iteration_time import TimeSettings, dense_times, iteration_times
+from vigauge_paper.experiments.solves import damping_of_orbit, plateau, solve_all
+from vigauge_paper.experiments.yaw_drift import yaw_drift
+
+
+def test_cost_is_the_same_on_the_orbit_only() -> None:
+    """Catches a transformation that leaves out landmarks or velocities."""
+    problem = trial()
+    rows = cost_on_orbit("sine", problem, problem.initial, 5, np.random.default_rng(3))
+    assert max(abs(float(str(row["relative_change"]))) for row in rows) < 1e-12
+    still = replace(problem.initial, v_W=problem.initial.v_W + 0.1)
+    moved = cost_on_orbit("sine", problem, still, 1, np.random.default_rng(3))
+    assert moved[0]["cost"] != pytest.approx(rows[0]["cost"])
+
+
+def test_yaw_drifts_under_iterated_updates_only() -> None:
+    """Catches the drift of Eq. (8) going unseen, or Eq. (9) not holding the yaw."""
+    table = pd.DataFrame(yaw_drift("sine", 0, trial(), Options()))
+    last = table.groupby("update")["yaw_deg"].last().abs()
+    assert last["(8)"] > 1e-4
+    assert last["(9)"] < 1e-9
+    first = table[table["iteration"] <= 1]["yaw_deg"].abs()
+    assert first.max() < 1e-9, "one update with zero z holds the yaw"
+
+
+def test_without_damping_the_gauges_take_equal_counts() -> None:
+    """Catches an option that does not reach the solver."""
+    problems = [trial(i) for i in range(3)]
+    options = Options(initial_radius=1e12)
+    table = pd.DataFrame(solve_all("sine", problems, scene().truth, three_gauges(1e5), options))
+    assert set(table["initial_radius"]) == {1e12}
+    means = table.groupby("gauge")["iterations"].mean()
+    assert means.max() - means.min() < 0.5
+
+
+def test_damping_of_the_orbit_goes_with_the_radius() -> None:
+    problem = trial()
+    assert damping_of_orbit(problem, 1e4) == pytest.approx(100 * damping_of_orbit(problem, 1e6))
+
+
+def test_first_step_gives_the_damping_along_the_orbit() -> None:
+    """Catches a first-step estimate that depends on the weight, as one with w for its square would."""
+    problem = trial()
+    traces = []
+    for label, gauge in {"free": FreeGauge(), "10": PriorGauge(10.0), "40": PriorGauge(40.0)}.items():
+        for number, row in enumerate(solve(problem, gauge).trace):
+            traces.append(
+                {"trial": 0, "gauge": label, "iteration": number, "prior_position_m": row.prior_position_m}
+            )
+    rows = from_traces("sine", pd.DataFrame(traces), {"10": 10.0, "40": 40.0}, "gauge")
+    small, large = (float(str(row["damping_weight"])) for row in rows)
+    assert small == pytest.approx(large, rel=0.05)
+    assert 0.1 < small / damping_of_orbit(problem, 1e4) < 10.0
+    assert np.isnan(damping_weight(0.2, 0.1, 5.0))
+
+
+def test_published_first_steps_leave_out_the_free_gauge() -> None:
+    figure = pd.DataFrame(
+        {"panel": "position_m", "step": 1, "weight": ["free", "7"], "prior_error": [0.3, 0.1]}
+    )
+    (row,) = from_published("paper", figure)
+    assert row["damping_weight"] == pytest.approx(3.5)
+
+
+def test_variants_of_the_plateau_keep_their_options() -> None:
+    table = pd.DataFrame(plateau([trial()], ["0", "1e5"], {"a": Options(), "b": Options(initial_radius=1e6)}))
+    assert table.groupby("variant")["initial_radius"].unique().map(list).to_dict() == {"a": [1e4], "b": [1e6]}
+    assert len(table) == 4
+
+
+def test_exchanging_twice_is_nothing_and_once_shows() -> None:
+    """Catches another pair than the published one: (3N+1, 3N) and (3N+1, 3N+1)."""
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(18, 18))
+    covariance = root @ root.T
+    once = exchanged(covariance)
+    changed = {(int(i), int(j)) for i, j in np.argwhere(once != covariance)}
+    assert changed == {(7, 6), (7, 7)}
+    assert np.array_equal(exchanged(once), covariance)
+    row = exchange("x", covariance, covariance)
+    assert row["relative_frobenius"] == 0.0 and float(str(row["with_exchanged_pair"])) > 0.0
+
+
+def test_published_pair_is_put_back() -> None:
+    """Catches reading the published figures as if they were as they should be."""
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(18, 18))
+    covariance = np.abs(root @ root.T)
+    eps = 1e-6
+    arrays = {"eps": np.array(eps)}
+    for panel, matrix in (("transformed", covariance), ("fixed", exchanged(covariance))):
+        arrays[panel] = np.log10(matrix + eps)
+        arrays[f"{panel}_zero_mask"] = np.zeros((18, 18), dtype=bool)
+    row = exchange_published("paper", arrays)
+    assert float(str(row["relative_frobenius"])) < 1e-12
+    assert float(str(row["with_exchanged_pair"])) > 1e-3
+
+
+def test_iterations_are_timed_at_equal_number() -> None:
+    """Catches runs that end by their tolerance: gauges would be timed over different mixes of iterations."""
+    ticks = iter(range(10_000))
+    settings = TimeSettings(n_keyframes=(10,), n_landmarks=(), iterations=7, repeats=2)
+    rows = iteration_times(
+        trial(), {"fix": FixedGauge(), "free": FreeGauge()}, Options(), settings, lambda: float(next(ticks))
+    )
+    assert [row["what"] for row in rows] == ["fix", "free", "free", "fix"]
+    assert len({row["seconds"] for row in rows}) == 1, "the same clock calls, so the same iterations"
+
+
+def test_dense_solves_of_both_sizes_are_timed() -> None:
+    ticks = iter(range(100))
+    rows = dense_times(3, 2, np.random.default_rng(0), lambda: float(next(ticks)))
+    assert [(row["what"], row["repeat"], row["seconds"]) for row in rows] == [
+        (what, repeat, 1.0) for repeat in (0, 1) for what in ("dense 9N", "dense 9N - 4")
+    ]
+
+
+def test_position_variances_are_those_of_the_first_blocks() -> None:
+    """Catches rotations or velocities taken for positions."""
+    covariance = np.diag(np.r_[np.full(3, 1.0), np.full(3, 2.0), np.full(12, 50.0)])
+    assert list(position_variances(covariance, 2)) == [3.0, 6.0]
+
+
+def test_spread_of_the_free_gauge_goes_with_the_distance_to_the_points() -> None:
+    """Catches another gauge, under which the first keyframe has no variance at all, or another centre."""
+    row = free_spread("sine_random", 0, trial(), Options())
+    assert row["converged"] is True
+    assert 1.0 < float(str(row["ratio"])) < 20.0
+    assert float(str(row["correlation"])) > 0.9

@@ -1,0 +1,476 @@
+"""Each fault that a recording may have, made on purpose: the check must say so in words that help."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from vigauge.geometry import so3
+from vigauge.recordings.asl.images import read_image
+from vigauge.recordings.checks.findings import Findings
+from vigauge.recordings.checks.sequence import Window, check_sequence
+from vigauge.recordings.checks.vision import Effort
+from vigauge_paper.stand_in.rendering import START_NS
+
+# Fewer images than usual: these recordings are short, and what is wrong with them is plain.
+QUICK = Effort(stereo_frames=2, turns=11)
+TRUTH = "state_groundtruth_estimate0"
+
+
+def check(folder: Path, **options: object) -> Findings:
+    return check_sequence(folder, effort=QUICK, **options)  # type: ignore[arg-type]
+
+
+def messages(found: Findings, severity: str) -> list[str]:
+    return [f"[{finding.check}] {finding.message}" for finding in found.of(severity)]
+
+
+def edit_rows(folder: Path, sensor: str, change: Callable[[list[str]], list[str] | None]) -> None:
+    """Rewrite the rows of a data.csv; ``change`` gets the fields of one and gives them back, or None."""
+    path = folder / "mav0" / sensor / "data.csv"
+    head, *rows = path.read_text().splitlines()
+    changed = [change(row.split(",")) for row in rows]
+    path.write_text("\n".join([head, *(",".join(row) for row in changed if row is not None)]) + "\n")
+
+
+def scale(columns: slice, factor: float) -> Callable[[list[str]], list[str]]:
+    def change(row: list[str]) -> list[str]:
+        row[columns] = [repr(float(text) * factor) for text in row[columns]]
+        return row
+
+    return change
+
+
+def edit_sensor(folder: Path, sensor: str, change: Callable[[dict], None]) -> None:
+    path = folder / "mav0" / sensor / "sensor.yaml"
+    content = yaml.safe_load(path.read_text())
+    change(content)
+    path.write_text(yaml.safe_dump(content))
+
+
+def edit_pose(folder: Path, sensor: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    def new(content: dict) -> None:
+        T = change(np.array(content["T_BS"]["data"]).reshape(4, 4))
+        content["T_BS"]["data"] = [float(x) for x in T.ravel()]
+
+    edit_sensor(folder, sensor, new)
+
+
+def image_files(folder: Path, camera: str) -> list[Path]:
+    return sorted((folder / "mav0" / camera / "data").glob("*.png"))
+
+
+def replace_image(path: Path, data: bytes) -> None:
+    path.unlink()  # a link to the good recording, which must stay as it is
+    path.write_bytes(data)
+
+
+def redraw(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    done, data = cv2.imencode(".png", change(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)))
+    assert done
+    replace_image(path, data.tobytes())
+
+
+def run_program(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "vigauge.cli.check_sequence", str(folder), *options]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_good_recording_has_nothing_to_complain_about(good_folder: Path) -> None:
+    """A false alarm, or numbers that are not those of the recording."""
+    found = check(good_folder)
+    assert found.exit_status == 0, found.lines()
+    facts = found.facts
+    assert facts["imu0"]["rate_hz"] == pytest.approx(200.0)
+    assert facts["cam0"]["rate_hz"] == pytest.approx(20.0)
+    assert facts["calibration"]["baseline_m"] == pytest.approx(0.1101, abs=1e-4)
+    assert facts["calibration"]["epipolar_px"] < 0.3
+    assert facts["imu0"]["gravity_mps2"] == pytest.approx(9.81, abs=0.8)
+    seen = facts["camera against gyro"]
+    assert abs(seen["offset_ms"]) < 3.0 * seen["offset_sigma_ms"] < 5.0
+    assert seen["gyro_bias_radps"] == pytest.approx([-0.002, 0.021, 0.077], abs=3e-3)
+    assert facts[TRUTH]["gyro_axes_deg"] < 0.1
+    assert facts[TRUTH]["force_residual_mps2"] < 0.05
+
+
+def test_program_prints_text_and_json_and_gives_the_status(folder: Path, tmp_path: Path) -> None:
+    """A status that scripts cannot rely on, or JSON with something else around it."""
+    good = run_program(folder)
+    assert good.returncode == 0 and "nothing wrong found" in good.stdout, good.stderr
+    edit_rows(folder, "cam1", lambda row: None if row[0].endswith("0" * 9) else row)
+    odd = run_program(folder, "--json")
+    report = json.loads(odd.stdout)
+    assert odd.returncode == report["exit_status"] == 1, odd.stderr
+    assert [w["check"] for w in report["warnings"]] == ["missing frame"]
+    assert run_program(folder, "--accept-warnings").returncode == 0
+    bad = run_program(tmp_path / "nowhere", "--json")
+    assert bad.returncode == 2
+    assert "sequence folder must exist" in json.loads(bad.stdout)["errors"][0]["message"]
+
+
+def test_report_is_written_unless_the_recording_is_unusable(folder: Path, tmp_path: Path) -> None:
+    """A rule whose result says "fine" although it failed."""
+    report = tmp_path / "out" / "report.json"
+    assert run_program(folder, "--output", str(report)).returncode == 0
+    assert json.loads(report.read_text())["facts"]["imu0"]["gaps"] == 0
+    report.unlink()
+    edit_rows(folder, "imu0", scale(slice(4, 7), 1.0 / 9.81))
+    log = tmp_path / "log.txt"
+    assert run_program(folder, "--output", str(report), "--log", str(log)).returncode == 2
+    assert not report.exists()
+    assert "specific force must be in m/s^2" in log.read_text()
+
+
+# Case 7
+def test_inertial_gap_is_an_error_with_stamp_and_length(folder: Path) -> None:
+    """Integration over what was not measured."""
+    begin = START_NS + 1_000_000_000
+    edit_rows(folder, "imu0", lambda row: None if begin < int(row[0]) < begin + 100_000_000 else row)
+    (message,) = messages(check(folder), "error")
+    assert f"first follows {begin} ns and is 0.1 s long" in message
+    apart = check(folder, window=Window(start_s=1.2))
+    assert not messages(apart, "error"), "a window without the gap is usable"
+
+
+# Case 8
+@pytest.mark.parametrize(
+    ("unit", "divisor"), [("microseconds", 10**3), ("milliseconds", 10**6)], ids=["us", "ms"]
+)
+def test_stamps_from_power_on_in_another_unit_are_told_by_their_rate(
+    folder: Path, unit: str, divisor: int
+) -> None:
+    """Dates give units away where stamps are dates; where they count from power-on, only rates do."""
+
+    def change(row: list[str]) -> list[str]:
+        row[0] = str((int(row[0]) - START_NS + 5_000_000_000) // divisor)
+        return row
+
+    for sensor in ("imu0", "cam0", "cam1", TRUTH):
+        edit_rows(folder, sensor, change)
+    found = messages(check(folder), "error")
+    assert any(f"the stamps look like {unit}" in message for message in found), found
+
+
+# Cases 11 and 12
+@pytest.mark.parametrize(
+    ("columns", "factor", "words"),
+    [
+        (slice(1, 4), 180.0 / np.pi, "angular velocity must be in rad/s"),
+        (slice(1, 4), 20.0, "times as far as the camera; it must be in rad/s"),
+        (slice(4, 7), 1.0 / 9.81, "specific force must be in m/s^2"),
+    ],
+    ids=["gyro in deg/s", "gyro of another scale", "accel in g"],
+)
+def test_inertial_units_are_told(folder: Path, columns: slice, factor: float, words: str) -> None:
+    """Units that are wrong but pass for slow or fast motion."""
+    edit_rows(folder, "imu0", scale(columns, factor))
+    found = messages(check(folder), "error")
+    assert any(words in message for message in found), found
+
+
+def test_exchanged_columns_without_header_are_told(folder: Path) -> None:
+    """Gyroscope and accelerometer exchanged where no header names them."""
+    edit_rows(folder, "imu0", lambda row: [row[0], *row[4:7], *row[1:4]])
+    path = folder / "mav0" / "imu0" / "data.csv"
+    path.write_text("\n".join(path.read_text().splitlines()[1:]) + "\n")
+    found = messages(check(folder), "error")
+    assert any("in the last three columns" in message for message in found), found
+
+
+# Case 13
+def test_accelerometer_of_the_wrong_sign_is_told_by_propagation(folder: Path) -> None:
+    """A sensor that measures -g upwards at rest: its norm is right, the world is upside down."""
+    edit_rows(folder, "imu0", scale(slice(4, 7), -1.0))
+    found = messages(check(folder), "error")
+    assert any("accelerometer must measure +9.8 m/s^2 upwards" in message for message in found), found
+
+
+# Case 14
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [([1, 2, 3, 0], "look like x y z w"), ([0, -1, -2, -3], "look like world-to-body")],
+    ids=["xyzw", "inverse"],
+)
+def test_quaternions_in_another_convention_are_told_from_rotation(
+    folder: Path, order: list[int], words: str
+) -> None:
+    """Unit quaternions under a good header, in the wrong order or direction."""
+
+    def change(row: list[str]) -> list[str]:
+        q = [float(text) for text in row[4 - 0 : 8]]
+        row[4:8] = [repr(q[abs(k)] * (-1.0 if k < 0 else 1.0)) for k in order]
+        return row
+
+    edit_rows(folder, TRUTH, change)
+    found = messages(check(folder), "error")
+    assert any("[truth rotation]" in message and words in message for message in found), found
+
+
+def test_quaternion_off_unit_length_is_refused_with_its_line(folder: Path) -> None:
+    edit_rows(folder, TRUTH, scale(slice(4, 5), 1.01))
+    found = messages(check(folder), "error")
+    assert re.search(r"data\.csv, row \d+, q: quaternion must have unit length", " ".join(found)), found
+
+
+# The known flaw of a published ground truth: an orientation that is off by about a degree.
+def test_truth_whose_orientation_is_off_by_a_degree_is_warned_of(folder: Path) -> None:
+    """A constant turn of the body axes of the truth, which its positions do not show."""
+    turn = so3.exp(np.radians([0.0, 1.2, 0.0]))
+
+    def change(row: list[str]) -> list[str]:
+        q = so3.quaternion(so3.from_quaternion(np.array(row[4:8], dtype=float)) @ turn)
+        row[4:8] = [repr(float(x)) for x in q]
+        return row
+
+    edit_rows(folder, TRUTH, change)
+    found = check(folder)
+    assert found.exit_status == 1
+    assert any("its turns have axes 1.2" in message for message in messages(found, "warning")), found.lines()
+
+
+# The known flaw of another: positions that jump.
+def test_jump_of_the_truth_is_warned_of(folder: Path) -> None:
+    """Millimetres between two samples, which enter every error and show in no plot."""
+    rows = 0
+
+    def change(row: list[str]) -> list[str]:
+        nonlocal rows
+        rows += 1
+        if rows > 300:
+            row[1] = repr(float(row[1]) + 0.004)
+        return row
+
+    assert check(folder).facts[TRUTH]["steps"] == []
+    edit_rows(folder, TRUTH, change)
+    found = check(folder)
+    assert found.exit_status == 1
+    (message,) = messages(found, "warning")
+    assert "jumps 1 times between samples, by up to 4.0 mm" in message
+    assert len(found.facts[TRUTH]["steps"]) == 1
+
+
+# Case 15
+def test_inverted_extrinsics_are_told_by_the_images(folder: Path) -> None:
+    """Body-to-camera where camera-to-body is meant: rigid, with the right baseline."""
+    for camera in ("cam0", "cam1"):
+        edit_pose(folder, camera, np.linalg.inv)
+    found = messages(check(folder), "error")
+    assert any("[extrinsics]" in message and "both T_BS look inverted" in message for message in found), found
+
+
+def test_turned_rig_is_told_by_the_gyroscope(folder: Path) -> None:
+    """Both cameras turned alike against the inertial sensor, which stereo cannot see."""
+    turn = np.eye(4)
+    turn[:3, :3] = so3.exp(np.array([0.0, 0.0, np.pi / 2.0]))
+    for camera in ("cam0", "cam1"):
+        edit_pose(folder, camera, lambda T: turn @ T)
+    found = messages(check(folder), "error")
+    assert any("[extrinsics] the camera turns about axes 90" in message for message in found), found
+
+
+def test_exchanged_cameras_are_told_by_the_disparity(folder: Path) -> None:
+    """Left and right exchanged: epipolar lines fit, and every point lies behind the cameras."""
+    mav = folder / "mav0"
+    first, second = (mav / name / "sensor.yaml" for name in ("cam0", "cam1"))
+    a, b = first.read_text(), second.read_text()
+    first.write_text(b)
+    second.write_text(a)
+    found = messages(check(folder), "error")
+    assert any("cam0 and cam1 look exchanged" in message for message in found), found
+
+
+def test_extrinsics_that_are_not_rigid_are_refused(folder: Path) -> None:
+    edit_pose(folder, "cam0", lambda T: T * 1.01)
+    found = messages(check(folder), "error")
+    assert any("cam0/sensor.yaml, T_BS: must be a rigid transformation" in message for message in found)
+
+
+@pytest.mark.parametrize(("factor", "status"), [(1000.0, 2), (3.0, 1)], ids=["mm", "wide"])
+def test_baseline_out_of_range_is_told(folder: Path, factor: float, status: int) -> None:
+    def change(T: np.ndarray) -> np.ndarray:
+        T[:3, 3] *= factor
+        return T
+
+    for camera in ("cam0", "cam1"):
+        edit_pose(folder, camera, change)
+    found = check(folder)
+    assert any(finding.check == "baseline" for finding in found.found), found.lines()
+    assert found.exit_status == status
+
+
+# Case 16
+@pytest.mark.parametrize(("offset_ms", "status"), [(8, 1), (-40, 2)], ids=["warning", "error"])
+def test_clock_offset_is_measured_and_the_setting_takes_it_out(
+    folder: Path, offset_ms: int, status: int
+) -> None:
+    """Cameras stamped late or early, which bends trajectories without making a solve fail."""
+
+    def change(row: list[str]) -> list[str]:
+        row[0] = str(int(row[0]) - offset_ms * 1_000_000)
+        return row
+
+    for camera in ("cam0", "cam1"):
+        edit_rows(folder, camera, change)
+    found = check(folder)
+    assert found.exit_status == status, found.lines()
+    measured = found.facts["camera against gyro"]["offset_ms"]
+    assert measured == pytest.approx(offset_ms, abs=2.5)
+    assert any("[clock offset]" in m and "camera_time_offset_ns" in m for m in messages(found, "error")) or (
+        status == 1
+    )
+    assert check(folder, camera_time_offset_ns=offset_ms * 1_000_000).exit_status == 0
+
+
+# Case 17
+def test_frames_without_partner_are_counted(folder: Path) -> None:
+    dropped = [START_NS + 50_000_000 * k for k in (3, 4, 9)]
+    edit_rows(folder, "cam1", lambda row: None if int(row[0]) in dropped else row)
+    found = check(folder)
+    assert found.exit_status == 1
+    assert messages(found, "warning") == [
+        "[missing frame] 3 frame(s) of cam0 have no frame of cam1 and are skipped; the first is "
+        f"{dropped[0]} ns"
+    ]
+
+
+# Case 18
+def test_images_that_cannot_be_read_are_named(folder: Path) -> None:
+    """Corrupt, truncated, wrong size, wrong depth: one sentence each, with the file."""
+    for spoil, words in (
+        (lambda path: replace_image(path, b"not an image"), "must be a whole PNG or JPEG file"),
+        (lambda path: replace_image(path, path.read_bytes()[:5000]), "must be a whole PNG or JPEG file"),
+        (lambda path: redraw(path, lambda image: image[:100]), "must be 752 x 480 pixels"),
+        (lambda path: redraw(path, lambda image: image.astype(np.uint16)), "must be an 8-bit grey image"),
+    ):
+        path = image_files(folder, "cam0")[0]
+        kept = path.read_bytes()
+        spoil(path)
+        found = messages(check(folder), "error")
+        assert any(str(path.name) in message and words in message for message in found), found
+        replace_image(path, kept)
+
+
+# Case 19
+def test_frozen_camera_is_told(folder: Path) -> None:
+    """The same image under new stamps."""
+    files = image_files(folder, "cam0")
+    for later in files[10:14]:
+        replace_image(later, files[9].read_bytes())
+    (message,) = messages(check(folder), "error")
+    assert (
+        f"4 image(s) of cam0 are the same file as the one before; the first is {files[10].stem} ns" in message
+    )
+
+
+def test_image_that_hangs_while_the_gyroscope_turns_is_told(folder: Path) -> None:
+    """One image all the time, encoded anew with its own noise: no two files are equal."""
+    first = cv2.imread(str(image_files(folder, "cam0")[0]), cv2.IMREAD_UNCHANGED)
+    rng = np.random.default_rng(0)
+    for path in image_files(folder, "cam0"):
+        noise = rng.integers(-2, 3, first.shape)
+        redraw(path, lambda _, noise=noise: np.clip(first + noise, 0, 255).astype(np.uint8))
+    for path in image_files(folder, "cam1")[1:]:
+        replace_image(path, image_files(folder, "cam1")[0].read_bytes())
+    edit_rows(folder, "imu0", scale(slice(1, 4), 4.0))
+    found = messages(check(folder), "error")
+    assert any("images stand still while the gyroscope turns" in message for message in found), found
+
+
+# Case 20
+def test_cameras_exposed_differently_are_warned_of(folder: Path) -> None:
+    for path in image_files(folder, "cam1"):
+        redraw(path, lambda image: (image * 0.5).astype(np.uint8))
+    found = check(folder)
+    assert found.exit_status == 1
+    assert any("exposed differently" in message for message in messages(found, "warning"))
+    assert found.facts["images"]["stereo_matches"] > 50
+
+
+# Case 21
+def test_images_without_features_are_told(folder: Path) -> None:
+    for camera in ("cam0", "cam1"):
+        for path in image_files(folder, camera):
+            redraw(path, lambda image: (image // 64 + 20).astype(np.uint8))
+    found = messages(check(folder), "error")
+    assert any("[images]" in message and "too dark" in message for message in found), found
+
+
+# Stillness, of case 23
+def test_standing_still_is_told(folder: Path) -> None:
+    """One image with fresh noise, a resting sensor: nothing gets parallax."""
+    rng = np.random.default_rng(0)
+    for camera in ("cam0", "cam1"):
+        first = cv2.imread(str(image_files(folder, camera)[0]), cv2.IMREAD_UNCHANGED)
+        for path in image_files(folder, camera):
+            noise = rng.integers(-2, 3, first.shape)
+            redraw(path, lambda _, noise=noise, first=first: np.clip(first + noise, 0, 255).astype(np.uint8))
+
+    def rest(row: list[str]) -> list[str]:
+        noise = rng.normal(size=6) * [0.002, 0.002, 0.002, 0.03, 0.03, 0.03]
+        values = np.array([-0.002, 0.021, 0.077, 9.81, 0.1, 0.05]) + noise
+        return [row[0], *(repr(float(x)) for x in values)]
+
+    edit_rows(folder, "imu0", rest)
+    found = check(folder, truths=[])
+    (message,) = messages(found, "error")
+    assert "standing still" in message and "no covariance" in message
+    assert found.facts["imu0"]["gravity_found"] == "at rest"
+    assert found.facts["imu0"]["gravity_mps2"] == pytest.approx(9.81, abs=0.02)
+
+
+def test_everything_that_is_wrong_is_said_at_once(folder: Path) -> None:
+    """A report that stops at the first of three faults."""
+    (folder / "mav0" / "cam0" / "sensor.yaml").unlink()
+    edit_rows(folder, "imu0", scale(slice(4, 7), 1.0 / 9.81))
+    edit_rows(folder, "cam1", lambda row: [row[0], "../" + row[1]])
+    found = check(folder)
+    assert {finding.check for finding in found.of("error")} == {"calibration", "imu0", "frames"}
+    assert found.skipped
+
+
+@pytest.mark.euroc
+def test_flaw_of_a_published_truth_is_found_from_data(euroc_root: Path) -> None:
+    """V1_01_easy: the published orientation is off, the re-estimated one is not."""
+    found = check_sequence(euroc_root / "V1_01_easy")
+    about = [f.message for f in found.of("warning") if f.check == "truth rotation"]
+    published = euroc_root / "V1_01_easy" / "mav0" / TRUTH
+    if (published.parent / "state_groundtruth_openvins0").is_dir():
+        assert found.facts["state_groundtruth_openvins0"]["gyro_axes_deg"] < 0.1
+    assert len(about) == 1 and TRUTH in about[0]
+    assert not found.of("error")
+    # MH_01: nothing but the jumps that its positions are known for.
+    other = check_sequence(euroc_root / "MH_01_easy")
+    assert {f.check for f in other.of("warning")} == {"truth steps"}
+    assert not other.of("error")
+
+
+@pytest.mark.euroc
+def test_excerpt_before_the_take_off_stands_still(euroc_root: Path) -> None:
+    if not (euroc_root / "V1_01_easy_static").is_dir():
+        pytest.skip("this root has no V1_01_easy_static")
+    found = check_sequence(euroc_root / "V1_01_easy_static")
+    assert [f.check for f in found.of("error")] == ["standing still"]
+
+
+def test_images_that_are_read_do_not_grow_with_the_recording(
+    good_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A check that takes as long as the recording."""
+    read: list[Path] = []
+
+    def counting(path: Path, camera: object) -> np.ndarray:
+        read.append(path)
+        return read_image(path, camera)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("vigauge.recordings.checks.vision.read_image", counting)
+    check_sequence(good_folder, effort=Effort(stereo_frames=2, turns=3))
+    assert 0 < len(read) <= 2 * 4 + 3 * 3

@@ -1,0 +1,71 @@
+"""Descriptor matching: the matching rule by itself, and pairs of views of a known scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vigauge.recordings.frontend.descriptor_matching import (
+    DescriptorMatcher,
+    mutual_matches,
+    squared_distances,
+)
+from vigauge.recordings.frontend.settings import DescriptorSettings, PoseSettings, StereoSettings
+from vigauge.recordings.frontend.stereo import StereoGeometry
+from vigauge_paper.stand_in.flight import euroc_cameras
+
+GEOMETRY = StereoGeometry(*euroc_cameras())
+
+
+def plain_matches(squared: np.ndarray, ratio: float) -> set[tuple[int, int]]:
+    """The rule, pair by pair."""
+    found = set()
+    for i, row in enumerate(squared):
+        for j in range(squared.shape[1]):
+            others_i, others_j = np.delete(row, j), np.delete(squared[:, j], i)
+            best = squared[i, j]
+            if not np.isfinite(best) or np.any(others_i < best) or np.any(others_j < best):
+                continue
+            if np.all(best <= ratio**2 * others_i) and np.all(best <= ratio**2 * others_j):
+                found.add((i, j))
+    return found
+
+
+@given(st.integers(0, 10_000), st.integers(1, 7), st.integers(1, 7), st.floats(0.3, 0.95))
+def test_matches_obey_the_rule(seed: int, n: int, m: int, ratio: float) -> None:
+    """The ratio taken of squares, or tested one way only."""
+    rng = np.random.default_rng(seed)
+    squared = rng.uniform(0.0, 100.0, (n, m)) ** 2
+    squared[rng.random((n, m)) < 0.3] = np.inf
+    pairs = mutual_matches(squared, ratio)
+    assert {tuple(p) for p in pairs.tolist()} == plain_matches(squared, ratio)
+
+
+def test_nothing_matches_nothing() -> None:
+    """An image without features ends in an index error."""
+    for shape in ((0, 5), (5, 0), (0, 0)):
+        assert mutual_matches(np.zeros(shape), 0.8).shape == (0, 2)
+
+
+def test_squared_distances_are_exact() -> None:
+    """Rounding that depends on the order of summation: another machine, other matches."""
+    rng = np.random.default_rng(0)
+    first, second = (rng.integers(0, 256, (n, 128)).astype(np.float32) for n in (30, 40))
+    whole = first.astype(np.int64)[:, None] - second.astype(np.int64)[None]
+    np.testing.assert_array_equal(squared_distances(first, second), np.sum(whole**2, axis=2))
+
+
+def matcher() -> DescriptorMatcher:
+    return DescriptorMatcher(GEOMETRY, DescriptorSettings(), StereoSettings(), PoseSettings())
+
+
+def test_blank_images_give_no_features() -> None:
+    """SIFT's None for "no descriptors" taken for an array."""
+    grey = np.full((480, 752), 90, np.uint8)
+    features = matcher().stereo_features(grey, grey)
+    assert features.uv.shape == (0, 2)
+    other = matcher().stereo_features(grey, grey)
+    under_test = matcher()
+    assert len(under_test.verified_matches(features, other)) == 0
+    assert under_test.counts.pairs_refused == 1
