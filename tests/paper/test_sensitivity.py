@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from test_claims import ALTERATIONS, CRITERIA
 
+from paper.test_claims import ALTERATIONS, CRITERIA
 from support.results import CONFIGURATIONS, SEQUENCES, Results
 from support.simulated import SETTINGS
 from vigauge.errors import ConfigError

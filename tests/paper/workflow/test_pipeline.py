@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from .conftest import ROOT, make_project, snakemake
+from support import ROOT
+
+from .conftest import make_project, snakemake
 
 pytestmark = pytest.mark.workflow
 
