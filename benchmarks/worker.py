@@ -19,8 +19,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from vigauge.covariance.covariance import motion_covariance
-from vigauge.covariance.marginals import keyframe_covariances
+from vigauge.covariance.covariance import keyframe_covariances, motion_covariance
 from vigauge.gauge.gauges import FixedGauge, FreeGauge, Gauge, PriorGauge
 from vigauge.geometry.so3 import Array
 from vigauge.model.archive import load_problems

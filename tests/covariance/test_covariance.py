@@ -11,18 +11,14 @@ from hypothesis import strategies as st
 
 from support.dense import dense_jacobian
 from support.derivatives import central_differences
+from support.gauged import covariance_of, motion_pseudo_inverse, spectrum
 from support.random_problem import random_problem
 from support.simulated import estimate, scene, trial
-from vigauge.covariance.covariance import (
-    covariance_from_hessian,
-    covariance_of,
-    motion_covariance,
-    motion_pseudo_inverse,
-    project_covariance,
-    spectrum,
-    transform_covariance,
-)
+from vigauge.covariance.covariance import motion_covariance
+from vigauge.covariance.foreign import covariance_from_hessian
 from vigauge.covariance.held_inverse import HeldInverse
+from vigauge.covariance.projection import oblique_projector, project_covariance
+from vigauge.covariance.transform import transform_covariance
 from vigauge.errors import DataError, DegenerateError, SolverError
 from vigauge.gauge.gauges import (
     CentroidGauge,
@@ -31,9 +27,8 @@ from vigauge.gauge.gauges import (
     KeyframeGauge,
     PriorGauge,
     first_pose_columns,
-    oblique_projector,
-    orbit_tangent,
 )
+from vigauge.gauge.group import orbit_tangent
 from vigauge.geometry import so3
 from vigauge.model.evaluation import relative_frobenius
 from vigauge.model.imu import ImuNoise, preintegrate
@@ -266,7 +261,7 @@ def test_prior_covariance_is_the_inverse_of_the_augmented_hessian(weight):
     """Catches a wrong share of the prior along the orbit: here it is simply added to a dense H."""
     problem, state, equations = on_gauge()
     prior = PriorGauge(weight).prior(state, problem.initial)
-    H = equations.with_prior(prior.columns, prior.residual, prior.jacobian).dense()
+    H = equations.with_factor(prior).dense()
     scale = 1.0 / np.sqrt(np.diagonal(H))
     inverse = np.linalg.inv(H * scale[:, None] * scale) * scale[:, None] * scale
     n = 9 * state.n_keyframes

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 from support.dense import dense_jacobian
+from support.gauged import covariance_of
 from support.random_problem import random_problem
 from support.simulated import estimate, trial
-from vigauge.covariance.covariance import covariance_of, motion_covariance, project_covariance
-from vigauge.covariance.held_inverse import HeldInverse
-from vigauge.covariance.marginals import keyframe_covariances, landmark_covariances
-from vigauge.errors import DataError
-from vigauge.gauge.gauges import (
-    CentroidGauge,
-    FixedGauge,
-    FreeGauge,
-    KeyframeGauge,
-    PriorGauge,
-    orbit_tangent,
+from vigauge.covariance.covariance import (
+    Covariance,
+    keyframe_covariances,
+    landmark_covariances,
+    motion_covariance,
 )
+from vigauge.covariance.held_inverse import HeldInverse
+from vigauge.covariance.projection import project_covariance
+from vigauge.errors import DataError
+from vigauge.gauge.gauges import CentroidGauge, FixedGauge, FreeGauge, KeyframeGauge, PriorGauge
+from vigauge.gauge.group import orbit_tangent
 from vigauge.model.evaluation import relative_frobenius
 from vigauge.model.problem import Problem
 from vigauge.solver.normal_equations import linearise
@@ -56,6 +56,9 @@ def test_keyframe_blocks_are_those_of_the_whole(case, gauge):
         expected = whole[np.ix_(columns[keyframe], columns[keyframe])]
         assert np.abs(block - expected).max() < 1e-9 * scale
     assert np.array_equal(keyframe_covariances(problem, state, gauge, [7, 2]), blocks[[7, 2]])
+    joint = Covariance.of(problem, state).joint(gauge, [7, 2])
+    rows = columns[[7, 2]].ravel()
+    assert np.abs(joint - whole[np.ix_(rows, rows)]).max() < 1e-9 * scale
 
 
 @pytest.mark.parametrize("gauge", GAUGES, ids=lambda gauge: gauge.name)

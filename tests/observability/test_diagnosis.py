@@ -11,7 +11,8 @@ from support import degenerate as d
 from support.dense import dense_jacobian
 from support.simulated import estimate, trial
 from vigauge.errors import DataError
-from vigauge.gauge.gauges import FreeGauge, orbit_tangent
+from vigauge.gauge.gauges import FreeGauge
+from vigauge.gauge.group import orbit_tangent
 from vigauge.geometry import so3
 from vigauge.model.problem import Problem
 from vigauge.model.state import State

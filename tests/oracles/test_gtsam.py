@@ -14,7 +14,8 @@ import pytest
 from support.random_problem import random_problem
 from support.simulated import TIGHT, trial
 from vigauge.covariance.covariance import motion_covariance
-from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge, orbit_tangent
+from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge
+from vigauge.gauge.group import orbit_tangent
 from vigauge.geometry import so3
 from vigauge.model.evaluation import align_first_pose, relative_frobenius
 from vigauge.model.problem import Problem

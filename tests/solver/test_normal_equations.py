@@ -13,6 +13,7 @@ from support.simulated import estimate, trial
 from vigauge.errors import DegenerateError, SolverError
 from vigauge.kernels import covisibility
 from vigauge.kernels.lanes import LANES
+from vigauge.model.factors import LinearFactor
 from vigauge.model.problem import Problem
 from vigauge.solver.normal_equations import NormalEquations, linearise
 from vigauge.solver.residuals import cost
@@ -306,7 +307,7 @@ def test_prior_is_added_once_and_only_there():
     before = equations.motion.copy()
     columns, r = np.array([0, 1, 2, 32]), np.array([1.0, -2.0, 3.0, 0.5])
     J = np.random.default_rng(1).normal(size=(4, 4))
-    added = equations.with_prior(columns, r, J)
+    added = equations.with_factor(LinearFactor(columns, r, J, total=True))
     full = np.zeros((4, state.n_parameters))
     full[:, columns] = J
     assert np.allclose(added.dense() - equations.dense(), full.T @ full, rtol=0, atol=1e-6)

@@ -10,6 +10,7 @@ import pytest
 from support.random_problem import random_problem
 from vigauge.errors import SolverError
 from vigauge.gauge.gauges import FreeGauge
+from vigauge.model.factors import LinearFactor
 from vigauge.model.problem import Problem
 from vigauge.solver.levenberg_marquardt import Options, solve
 from vigauge.solver.normal_equations import linearise
@@ -114,7 +115,7 @@ def test_prior_outside_the_band_is_refused():
     problem = flight()
     equations = linearise(problem, problem.initial)
     inside = np.array([0, 1, 2, 122])
-    added = equations.with_prior(inside, np.ones(4), 2.0 * np.eye(4))
+    added = equations.with_factor(LinearFactor(inside, np.ones(4), 2.0 * np.eye(4), total=True))
     assert np.allclose((added.motion - equations.motion)[np.ix_(inside, inside)], 4.0 * np.eye(4), atol=1e-6)
     with pytest.raises(SolverError, match="too far apart"):
-        equations.with_prior(np.array([0, 117]), np.ones(2), np.eye(2))
+        equations.with_factor(LinearFactor(np.array([0, 117]), np.ones(2), np.eye(2), total=True))

@@ -14,9 +14,9 @@ import numpy as np
 from ..gauge.gauges import FixedGauge
 from ..model.problem import Problem
 from ..model.state import State
-from ..solver.normal_equations import inertial_information, linearise
+from ..solver.normal_equations import inertial_information
 from ..solver.residuals import inertial_residual, visual_residual
-from .covariance import covariance_of
+from .covariance import Covariance
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def chi_square(problem: Problem, state: State) -> GroupChiSquare:
     Raises DegenerateError where more than the gauge is unobservable.
     """
     visual, inertial = visual_residual(problem, state), inertial_residual(problem, state)
-    covariance = covariance_of(linearise(problem, state), state, FixedGauge(), problem.initial)
+    covariance = Covariance.of(problem, state).motion(FixedGauge())
     taken = float(np.vdot(covariance, inertial_information(problem, state)))
     inertial_redundancy = inertial.size - taken
     visual_redundancy = visual.size - (state.n_parameters - 4 - taken)

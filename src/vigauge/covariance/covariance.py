@@ -1,187 +1,230 @@
-"""Covariances in any gauge, and the transformation between gauges (Section VI, Appendix A).
+"""Covariances in any gauge from one elimination (Section VI, Appendix A).
 
 All of them are one family. Let G be any symmetric matrix with H G H = H. Then Q G Q^T,
 with the oblique projector Q = I - U (V^T U)^-1 V^T of Eq. (14), is the covariance in the
 gauge with normal V, whichever G was used. V = U gives the Moore-Penrose inverse, the free
-gauge. G is the inverse of the reduced camera system with the first position and yaw held, and the
-null space is known in closed form (15), so nothing is ever decomposed into singular values, and
+gauge. G is the inverse of the reduced camera system with some columns held, and the null
+space is known in closed form (15), so nothing is ever decomposed into singular values, and
 the cost grows linearly with the number of landmarks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-import scipy.linalg.lapack as lapack
 
-from ..errors import DataError, DegenerateError
-from ..gauge.gauges import FreeGauge, Gauge, GaugePrior, first_pose_columns, orbit_tangent
-from ..geometry import so3
+from ..errors import DataError
+from ..gauge.gauges import FreeGauge, Gauge, first_pose_columns
+from ..gauge.group import Group, YawTranslation
 from ..geometry.so3 import Array
 from ..kernels import symmetric
+from ..model.factors import LinearFactor
 from ..model.problem import Problem
 from ..model.state import State
-from ..observability.conditioning import scaled_eigenvalues
-from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
+from ..observability.orbit import open_directions, seen_along
+from ..observability.spectrum import Spectrum
+from ..solver.normal_equations import NormalEquations, ReducedSystem, coupling_blocks, linearise
 from ..sparsity.layout import Index
-from .held_inverse import HeldInverse, require_regular
+from .foreign import inverse_on_complement
+from .held_inverse import HeldInverse
+from .projection import low_rank_projection, times_inverse
+
+# Entries of G that are gathered at a time: two megabytes.
+_AT_ONCE = 250_000
 
 
 @dataclass(frozen=True)
-class Spectrum:
-    """Eigenvalues of the Jacobi-scaled reduced camera system, ascending, and what they say.
+class Covariance:
+    """The covariance of an estimate, to be asked for in one gauge after another.
 
-    Scaling makes metres, radians and near or far landmarks comparable; rank is that of H.
+    :meth:`of` linearises and eliminates the landmarks once; the inverse is made at the first
+    question and serves all gauges. Units m, rad, m/s. Rotations are left increments in W, the
+    first one the total increment of Eq. (9).
+
+    Attributes
+    ----------
+    equations : H and g at the state, without any gauge
+    state, reference : estimate, and the initial state of the problem
+    U : (9N + 3K, d) directions that no measurement sees, a basis of the null space of H
+    measured : names of the group's directions that a motion factor measures ("yaw", "x", ...). Where
+        that is not all or none of a group, the open directions are combinations of them
+    group : the group whose orbit is looked at
+
+    Raises DegenerateError, at the first question, where more than the group is unobservable.
     """
 
-    eigenvalues: Array
-    n_landmarks: int
+    equations: NormalEquations
+    state: State
+    reference: State
+    U: Array
+    measured: tuple[str, ...]
+    group: Group
 
-    @property
-    def gap(self) -> float:
-        """Fifth over fourth singular value from below: how clear the four null directions are."""
-        magnitude = np.sort(np.abs(self.eigenvalues))
-        return float(magnitude[4] / magnitude[3])
+    @classmethod
+    def of(cls, problem: Problem, state: State, group: Group | None = None) -> Covariance:
+        """The covariance of a problem's estimate.
 
-    @property
-    def nullity(self) -> int:
-        """Number of directions without information: zero to rounding, next to the largest."""
-        magnitude = np.sort(np.abs(self.eigenvalues))
-        null = magnitude < len(magnitude) * 1e3 * np.finfo(float).eps * magnitude[-1]
-        return int(np.count_nonzero(null))
+        Images and inertial measurements do not change along the orbit of ``group`` (yaw and
+        translation by default). Directions of it that a motion factor of the problem measures are
+        taken out of ``U``.
 
-    @property
-    def rank(self) -> int:
-        """Rank of H: the landmark blocks that were eliminated have full rank."""
-        return len(self.eigenvalues) - self.nullity + 3 * self.n_landmarks
+        Raises DataError where state and problem differ in size.
+        """
+        return cls.from_equations(linearise(problem, state), problem, state, group)
+
+    @classmethod
+    def from_equations(
+        cls, equations: NormalEquations, problem: Problem, state: State, group: Group | None = None
+    ) -> Covariance:
+        """As :meth:`of`, from normal equations at hand."""
+        group = YawTranslation() if group is None else group
+        tangent = group.tangent(state)
+        along = seen_along(problem, state, tangent)
+        measured: list[bool] = (along != 0.0).any(axis=0).tolist()
+        names = tuple(name for name, seen in zip(group.directions, measured, strict=True) if seen)
+        U = tangent @ open_directions(along) if names else tangent
+        return cls(equations, state, problem.initial, U, names, group)
+
+    @cached_property
+    def reduced(self) -> ReducedSystem:
+        """The reduced camera system: H with the landmarks eliminated."""
+        return self.equations.eliminate()
+
+    @cached_property
+    def inverse(self) -> HeldInverse:
+        """G: the inverse with as many columns held as there are open directions."""
+        return HeldInverse.of(self.reduced, self._held)
+
+    @cached_property
+    def _held(self) -> Index:
+        first = first_pose_columns(self.state)
+        motion = self.U[: 9 * self.state.n_keyframes]
+        if self.U.shape[1] == len(first) and _cuts(motion[first]):
+            return first
+        # Rows of U that are far from dependent: holding them stops every open direction.
+        layout = self.reduced.structure.layout
+        scale = np.sqrt(layout.diagonal(self.reduced.storage)[layout.stored])
+        _, _, pivots = scipy.linalg.qr((motion * scale[:, None]).T, mode="economic", pivoting=True)
+        return np.sort(pivots[: self.U.shape[1]]).astype(np.int64)
+
+    def spectrum(self, held: Index | None = None) -> Spectrum:
+        """Eigenvalues of the scaled reduced camera system, without the ``held`` columns."""
+        return Spectrum.of(self.reduced, held)
+
+    def motion(self, gauge: Gauge) -> Array:
+        """(9N, 9N) covariance of all positions, all rotations, all velocities in a gauge.
+
+        Fixed gauge: zero rows where held. Prior: the fixed gauge's shape plus the freedom that the
+        prior leaves along the orbit. Any other gauge: the projection by its normal V, Eq. (14).
+        """
+        return self._projection(gauge).apply(self.inverse.dense())
+
+    def keyframes(self, gauge: Gauge, indices: Sequence[int] | Index | None = None) -> Array:
+        """(m, 9, 9) covariances of (position, rotation, velocity) of some keyframes, all by default.
+
+        Raises DataError for a keyframe that is not there.
+        """
+        columns = self._columns(indices)
+        return self._projection(gauge).apply_blocks(self.inverse.blocks(columns), columns)
+
+    def joint(self, gauge: Gauge, indices: Sequence[int] | Index) -> Array:
+        """(9m, 9m) covariance of some keyframes together, cross terms included.
+
+        Order: (position, rotation, velocity) of the first index, then of the next. For systems
+        stored as a band the columns of G are solved for, so the whole inverse is never formed.
+
+        Raises DataError for a keyframe that is not there.
+        """
+        columns = self._columns(indices).reshape(1, -1)
+        return self._projection(gauge).apply_blocks(self.inverse.across(columns[0])[None], columns)[0]
+
+    def landmarks(self, gauge: Gauge, indices: Sequence[int] | Index | None = None) -> Array:
+        """(m, 3, 3) covariances of some landmarks' positions, all by default, m^2.
+
+        Raises DataError for a landmark that is not there.
+        """
+        wanted = checked("landmarks", indices, self.state.n_landmarks)
+        projection = self._projection(gauge, landmarks=True)
+        s, n_motion = self.reduced.structure, 9 * self.state.n_keyframes
+        W, inverses = coupling_blocks(s, self.reduced.couplings), self.reduced.landmark_inverses()
+        first, end = s.pairs.begin[wanted], s.pairs.begin[wanted + 1]
+        out = np.empty((len(wanted), 3, 3))
+        # Landmarks with equally many pairs together, not too many at a time.
+        for count in np.unique(end - first):
+            alike = np.flatnonzero(end - first == count)
+            for some in np.array_split(alike, 1 + len(alike) * (6 * int(count)) ** 2 // _AT_ONCE):
+                pairs = first[some, None] + np.arange(count)
+                columns = s.columns[s.pairs.keyframe[pairs], :6].reshape(len(some), -1)
+                seen = W[pairs].reshape(len(some), -1, 3)
+                C_inverse = inverses[wanted[some]]
+                G = C_inverse @ (seen.swapaxes(1, 2) @ self.inverse.blocks(columns) @ seen) @ C_inverse
+                rows = n_motion + 3 * wanted[some, None] + np.arange(3)
+                out[some] = projection.apply_blocks(C_inverse + G, rows)
+        return out
+
+    def _columns(self, indices: Sequence[int] | Index | None) -> Index:
+        return self.reduced.structure.columns[checked("keyframes", indices, self.state.n_keyframes)]
+
+    def _projection(self, gauge: Gauge, *, landmarks: bool = False) -> _Projection:
+        return _Projection.of(self, gauge, landmarks)
 
 
-def spectrum(equations: NormalEquations, held: Index | None = None) -> Spectrum:
-    """Spectrum of the Schur complement of H after Jacobi scaling, without the ``held`` columns."""
-    S = equations.eliminate().matrix
-    if held is not None and len(held):
-        keep = np.setdiff1d(np.arange(len(S)), held)
-        S = S[np.ix_(keep, keep)]
-    return Spectrum(scaled_eigenvalues(S), equations.structure.n_landmarks)
-
-
-def _inverse(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix, scaled to a unit diagonal first.
-
-    Raises DegenerateError where the matrix is singular to rounding.
-    """
-    n = len(matrix)
-    scale = 1.0 / np.sqrt(np.diagonal(matrix))
-    try:
-        factor = np.linalg.cholesky(matrix * scale[:, None] * scale)
-    except np.linalg.LinAlgError as error:
-        raise DegenerateError("the information matrix is not positive definite in this gauge") from error
-    half = scipy.linalg.solve_triangular(factor, np.eye(n), lower=True, check_finite=False)
-    require_regular(float(np.vdot(half, half)), n)
-    half *= scale
-    return half.T @ half
-
-
-def _inverse_on_complement(matrix: Array, null: Array) -> Array:
-    """pinv(matrix) where ``null`` (n, 4) spans its null space: (A + s N N^T)^-1 - N N^T / s.
-
-    s sits in the middle of the spectrum: far from either end it costs digits.
-    """
-    N, _ = np.linalg.qr(null)
-    s = float(np.exp(np.mean(np.log(np.diagonal(matrix)))))
-    return _inverse(matrix + s * (N @ N.T)) - N @ N.T / s
-
-
-def motion_pseudo_inverse(equations: NormalEquations, state: State) -> Array:
-    """(9N, 9N) motion block of pinv(H), the free gauge's covariance, with no column held on the way.
-
-    The same matrix as :func:`motion_covariance` gives, from (S + s N N^T)^-1: what Eq. (12) makes
-    of it is then no repetition of the fixed gauge's own inverse, but a test.
-
-    Raises DegenerateError where more than the gauge is unobservable.
-    """
-    reduced = equations.eliminate()
-    U = orbit_tangent(state)
-    n_motion = 9 * state.n_keyframes
-    G = _inverse_on_complement(reduced.matrix, U[:n_motion])
-    taken, gram = reduced.couple(U[n_motion:])
-    through = U[:n_motion] - taken
-    G_U = G @ through
-    return _low_rank_projection(G, G_U, gram + through.T @ G_U, U[:n_motion], U.T @ U)
-
-
-def motion_covariance(problem: Problem, state: State, gauge: Gauge) -> Array:
-    """(9N, 9N) covariance of the motion parameters in a gauge (m, rad, m/s).
-
-    Fixed gauge: inverse of the reduced Hessian, zero rows where held. Prior: inverse with
-    the prior added. Any other gauge, the free one included: projection by its normal.
-
-    Raises DegenerateError where more than the gauge is unobservable.
-    """
-    return covariance_of(linearise(problem, state), state, gauge, problem.initial)
-
-
-def covariance_of(equations: NormalEquations, state: State, gauge: Gauge, reference: State) -> Array:
-    """As :func:`motion_covariance`, from normal equations at hand."""
-    projection = GaugeProjection.of(equations.eliminate(), state, gauge, reference)
-    return projection.apply(projection.inverse.dense())
+def _cuts(rows: Array) -> bool:
+    return bool(np.linalg.cond(rows) < 1e12)
 
 
 @dataclass(frozen=True)
-class GaugeProjection:
-    """What takes G, the inverse with columns held, to a gauge: Q G Q^T + B B^T, motion block.
+class _Projection:
+    """What takes G, the inverse with columns held, to a gauge: Q G Q^T + B B^T.
 
-    With M = (V^T U)^-1, Q G Q^T is G - A W^T - W A^T, a rank-8 update with W = U M and
-    A = G V - W (V^T G V) / 2. The landmarks enter through four columns only. Where the gauge
+    With M = (V^T U)^-1, Q G Q^T is G - A W^T - W A^T, an update of rank 2d with W = U M and
+    A = G V - W (V^T G V) / 2. The landmarks enter through d columns only. Where the gauge
     is the one that G holds there is nothing to project and A is None.
 
-    A prior on four gauge parameters says nothing about the shape, so its covariance is the one
+    A prior on gauge parameters says nothing about the shape, so its covariance is the one
     of the gauge with its normal V, plus the freedom B that it leaves along the orbit:
     B = U (V^T U)^-1 with V^T the prior's whitened Jacobian. That is exact at any weight, where
     an inverse of H + V V^T is not.
 
-    ``A``, ``W``, ``B`` (9N, 4), or (9N + 3K, 4) with landmarks, or None: the package's order.
+    ``A``, ``W``, ``B`` (9N, d), or (9N + 3K, d) with landmarks, or None: the package's order.
+    ``held`` rows are zero in the gauge.
     """
 
-    inverse: HeldInverse
     A: Array | None
     W: Array | None
     B: Array | None
+    held: Index
 
     @classmethod
-    def of(
-        cls, reduced: ReducedSystem, state: State, gauge: Gauge, reference: State, *, landmarks: bool = False
-    ) -> GaugeProjection:
-        """The projection for a gauge; with ``landmarks`` their rows are computed too."""
-        held, prior = gauge.held(state), gauge.prior(state, reference)
-        if len(held):
-            return cls(HeldInverse.of(reduced, held), None, None, None)
-        inverse = HeldInverse.of(reduced, first_pose_columns(state))
-        U = orbit_tangent(state)
-        if prior is not None:
-            V = _prior_normal(state, prior)
-        else:
-            V = U if type(gauge) is FreeGauge else gauge.normal(state)  # others derive from it
+    def of(cls, covariance: Covariance, gauge: Gauge, landmarks: bool) -> _Projection:
+        state, U = covariance.state, covariance.U
+        held, prior = gauge.held(state), gauge.prior(state, covariance.reference)
+        if np.array_equal(held, covariance._held):
+            return cls(None, None, None, held)
+        if not U.shape[1]:
+            return cls(None, None, None, held[:0])
+        same_as_free = isinstance(gauge, FreeGauge) and gauge.group == covariance.group
+        V = U if same_as_free else _normal(covariance, gauge, prior)
         rows = len(U) if landmarks else 9 * state.n_keyframes
-        W = _times_inverse(U[:rows], V.T @ U)
+        W = times_inverse(U[:rows], V.T @ U)
         # A prior on what G holds says nothing of the shape.
-        same = prior is not None and np.array_equal(prior.columns, inverse.held)
-        A = None if same else cls._half_update(reduced, inverse, V, W, landmarks)
-        return cls(inverse, A, W, W if prior is not None else None)
+        same = prior is not None and np.array_equal(prior.columns, covariance._held)
+        A = None if same else cls._half_update(covariance, V, W, landmarks)
+        return cls(A, W, W if prior is not None else None, _single_rows(V) if prior is None else held[:0])
 
     @staticmethod
-    def _half_update(
-        reduced: ReducedSystem, inverse: HeldInverse, V: Array, W: Array, landmarks: bool
-    ) -> Array:
-        n_motion = 9 * reduced.structure.n_keyframes
+    def _half_update(covariance: Covariance, V: Array, W: Array, landmarks: bool) -> Array:
+        reduced, n_motion = covariance.reduced, 9 * covariance.state.n_keyframes
         through: Array = V[:n_motion]
-        V_G_V: Array = np.zeros((4, 4))
+        V_G_V: Array = np.zeros((V.shape[1],) * 2)
         if V[n_motion:].any():
             taken, V_G_V = reduced.couple(V[n_motion:])
             through = through - taken
-        G_V = inverse.times(through)
+        G_V = covariance.inverse.times(through)
         V_G_V = V_G_V + through.T @ G_V
         if landmarks:
             G_V = np.concatenate([G_V, reduced.through_landmarks(V[n_motion:], G_V)])
@@ -191,128 +234,105 @@ class GaugeProjection:
         """The motion block (9N, 9N) in the gauge, from G dense, which is overwritten."""
         if self.A is not None and self.W is not None:
             symmetric.subtract_outer(G, self.A, self.W)
-        return G if self.B is None else G + self.B @ self.B.T
+        if self.B is not None:
+            return G + self.B @ self.B.T
+        held = self.held[self.held < len(G)]
+        G[held], G[:, held] = 0.0, 0.0
+        return G
 
     def apply_blocks(self, G: Array, rows: Index) -> Array:
         """Diagonal blocks (m, c, c) in the gauge over m sets of parameters (m, c), from those blocks of G."""
         if self.A is not None and self.W is not None:
             cross = self.A[rows] @ self.W[rows].swapaxes(-1, -2)
             G = G - cross - cross.swapaxes(-1, -2)
-        return G if self.B is None else G + self.B[rows] @ self.B[rows].swapaxes(-1, -2)
+        if self.B is not None:
+            return G + self.B[rows] @ self.B[rows].swapaxes(-1, -2)
+        zero = np.isin(rows, self.held)
+        return np.where(zero[..., :, None] | zero[..., None, :], 0.0, G) if zero.any() else G
 
 
-def _prior_normal(state: State, prior: GaugePrior) -> Array:
-    V = np.zeros((state.n_parameters, len(prior.residual)))
-    V[prior.columns] = prior.jacobian.T
-    return V
+def _normal(covariance: Covariance, gauge: Gauge, prior: LinearFactor | None) -> Array:
+    """V (n, d): the gauge's constraints, or those combinations of them that stop the open directions."""
+    state, U = covariance.state, covariance.U
+    if prior is None:
+        V = gauge.normal(state)
+    else:
+        V = np.zeros((state.n_parameters, len(prior.residual)))
+        V[prior.columns] = prior.jacobian.T
+    if V.shape[1] == U.shape[1]:
+        return V
+    if V.shape[1] < U.shape[1]:
+        raise DataError(
+            "gauge", f"'{gauge.name}' must constrain all {U.shape[1]} open directions", value=V.shape[1]
+        )
+    if prior is not None:
+        raise DataError(
+            "gauge",
+            f"'{gauge.name}' is a prior on directions of which motion factors measure"
+            f" {', '.join(covariance.measured)}; give it to the problem as a motion factor instead",
+        )
+    # V M^T is dual to the group's tangent; what belongs to the open directions is kept.
+    tangent = covariance.group.tangent(state)
+    coordinates = np.linalg.lstsq(tangent, U, rcond=None)[0]
+    return times_inverse(V, tangent.T @ V) @ coordinates
 
 
-def _times_inverse(U: Array, V_T_U: Array) -> Array:
-    """U (V^T U)^-1. Raises DegenerateError where the constraints leave part of the orbit free."""
-    _, _, transposed, info = lapack.dgesv(V_T_U.T, U.T)
-    if info > 0:
-        raise DegenerateError("the gauge's constraints leave part of the gauge free")
-    return transposed.T
+def _single_rows(V: Array) -> Index:
+    """Rows that a constraint of V names alone: they do not move in the gauge."""
+    single = np.count_nonzero(V, axis=0) == 1
+    return np.flatnonzero(V[:, single].any(axis=1))
 
 
-def _low_rank_projection(G: Array, G_V: Array, V_G_V: Array, U: Array, V_T_U: Array) -> Array:
-    """Q G Q^T from G, G V and V^T G V, for any number of constraints."""
-    W = _times_inverse(U, V_T_U)
-    cross = (G_V - 0.5 * W @ V_G_V) @ W.T
-    out = G - cross - cross.T
-    return 0.5 * (out + out.T)
+def checked(name: str, wanted: Sequence[int] | Index | None, count: int) -> Index:
+    """Indices (m,) of things numbered from zero, all of them for None; DataError for a missing one."""
+    if wanted is None:
+        return np.arange(count)
+    index = np.asarray(wanted, dtype=np.int64)
+    bad = np.flatnonzero((index < 0) | (index >= count))
+    if bad.size:
+        raise DataError(name, f"must lie in 0..{count - 1}", row=int(bad[0]), value=int(index[bad[0]]))
+    return index
 
 
-def project_covariance(covariance: Array, U: Array, V: Array) -> Array:
-    """Q cov Q^T of Eqs. (12), (14) at one linearisation point, without forming Q.
+def motion_pseudo_inverse(covariance: Covariance) -> Array:
+    """(9N, 9N) motion block of pinv(H), the free gauge's covariance, with no column held on the way.
 
-    Parameters
-    ----------
-    covariance : (n, n) in any gauge
-    U : (n, 4) basis of the null space of H (the orbit's tangent)
-    V : (n, 4) normal of the gauge wanted
+    The same matrix as :meth:`Covariance.motion` gives, from (S + s N N^T)^-1: what Eq. (12) makes
+    of it is then no repetition of the fixed gauge's own inverse, but a test.
+
+    Raises DegenerateError where more than the gauge is unobservable.
     """
-    covariance_V = covariance @ V
-    return _low_rank_projection(covariance, covariance_V, V.T @ covariance_V, U, V.T @ U)
+    reduced, U = covariance.reduced, covariance.U
+    n_motion = 9 * covariance.state.n_keyframes
+    G = inverse_on_complement(reduced.matrix, U[:n_motion])
+    taken, gram = reduced.couple(U[n_motion:])
+    through = U[:n_motion] - taken
+    G_U = G @ through
+    return low_rank_projection(G, G_U, gram + through.T @ G_U, U[:n_motion], U.T @ U)
 
 
-def covariance_from_hessian(H: Array, U: Array, V: Array | None = None) -> Array:
-    """Covariance in the gauge with normal V from any estimator's singular Hessian.
+def motion_covariance(problem: Problem, state: State, gauge: Gauge) -> Array:
+    """(9N, 9N) covariance of the motion parameters in a gauge (m, rad, m/s).
 
-    Parameters
-    ----------
-    H : (n, n) information matrix with null space spanned by U
-    U : (n, d) null directions (4 for visual-inertial, 7 for monocular problems)
-    V : (n, d) constraint normals of the gauge; None for the pseudo-inverse (V = U)
+    ``Covariance.of(problem, state).motion(gauge)``: the problem is linearised at ``state``, the
+    landmarks are eliminated, the reduced system is inverted with the first position and yaw held, and
+    the inverse is projected onto the gauge. For several gauges keep the :class:`Covariance`.
 
-    Raises
-    ------
-    DataError
-        where U is not in the null space of H
-    DegenerateError
-        where H has further null directions
+    Raises DegenerateError where more than the gauge is unobservable.
     """
-    scale = np.sqrt(np.diagonal(H))
-    if not np.all(scale > 0):
-        raise DataError(
-            "H", "diagonal must be positive", row=int(np.argmin(scale)), value=float(scale.min()) ** 2
-        )
-    leak = np.linalg.norm((H @ U) / scale[:, None], axis=0) / np.linalg.norm(scale[:, None] * U, axis=0)
-    if np.max(leak) > 1e-6:
-        raise DataError(
-            "U", "columns must be in the null space of H", row=int(np.argmax(leak)), value=float(leak.max())
-        )
-    G = _inverse_on_complement(H, U)
-    return project_covariance(G, U, U if V is None else V)
+    return Covariance.of(problem, state).motion(gauge)
 
 
-def transfer_blocks(state: State, moved: State, yaw: float, count: int) -> Array:
-    """(count, 3, 3) diagonal blocks of d(theta_C)/d(theta) (Appendix A)."""
-    blocks = np.broadcast_to(so3.yaw_rotation(yaw), (count, 3, 3)).copy()
-    blocks[state.n_keyframes] = so3.right_jacobian_inverse(moved.dphi_0) @ so3.right_jacobian(state.dphi_0)
-    return blocks
+def keyframe_covariances(
+    problem: Problem, state: State, gauge: Gauge, keyframes: Sequence[int] | Index | None = None
+) -> Array:
+    """(m, 9, 9) covariances of (position, rotation, velocity) of some keyframes: diagonal blocks of
+    :func:`motion_covariance`, without the whole matrix. See :meth:`Covariance.keyframes`."""
+    return Covariance.of(problem, state).keyframes(gauge, keyframes)
 
 
-def transform_covariance(
-    covariance: Array, state: State, gauge: Gauge, reference: State
-) -> tuple[Array, State]:
-    """Eq. (12): a covariance at ``state`` taken to a gauge.
-
-    Parameters
-    ----------
-    covariance : (9N, 9N) motion block, or (9N + 3K, 9N + 3K) with landmarks; usually the free one
-    state : estimate it belongs to
-    gauge : gauge wanted
-    reference : state whose first pose the gauge keeps (the initial state of the problem)
-
-    Returns
-    -------
-    covariance in the gauge, same shape, and theta_C, the estimate moved onto the gauge
-
-    Raises
-    ------
-    DataError
-        for another shape, a matrix that is not symmetric, or a motion block where the gauge
-        constrains landmarks
-    """
-    n = len(covariance)
-    n_motion = 9 * state.n_keyframes
-    if covariance.shape not in ((n_motion, n_motion), (state.n_parameters,) * 2):
-        raise DataError(
-            "covariance",
-            f"shape must be ({n_motion}, {n_motion}) or {(state.n_parameters,) * 2}",
-            value=covariance.shape,
-        )
-    moved, yaw = gauge.meet(state, reference)
-    V = gauge.normal(moved)
-    if n == n_motion and np.any(V[n_motion:]):
-        raise DataError(
-            "covariance", f"gauge '{gauge.name}' constrains landmarks, so their covariance is needed"
-        )
-    asymmetry = float(np.linalg.norm(covariance - covariance.T) / np.linalg.norm(covariance))
-    if not asymmetry < 1e-8:
-        raise DataError("covariance", "must be finite and symmetric", field="asymmetry", value=asymmetry)
-    blocks = transfer_blocks(state, moved, yaw, n // 3)
-    carried = (blocks @ covariance.reshape(n // 3, 3, n)).reshape(n, n)
-    carried = (blocks @ carried.T.reshape(n // 3, 3, n)).reshape(n, n)
-    return project_covariance(carried, orbit_tangent(moved)[:n], V[:n]), moved
+def landmark_covariances(
+    problem: Problem, state: State, gauge: Gauge, landmarks: Sequence[int] | Index | None = None
+) -> Array:
+    """(m, 3, 3) covariances of some landmarks' positions. See :meth:`Covariance.landmarks`."""
+    return Covariance.of(problem, state).landmarks(gauge, landmarks)

@@ -14,21 +14,10 @@ import scipy.linalg.lapack as lapack
 from ..errors import DegenerateError, SolverError
 from ..geometry.so3 import Array
 from ..kernels import symmetric
+from ..observability.spectrum import require_regular
 from ..solver.normal_equations import ReducedSystem
 from ..sparsity.layout import Factorised, Index
 from .banded_inverse import banded_inverse, selected_inverse
-
-
-def require_regular(trace: float, n: int) -> None:
-    """DegenerateError where an (n, n) inverse, its matrix scaled to a unit diagonal, has too large a trace.
-
-    A factorisation may succeed on a singular matrix, with pivots made of rounding errors. The
-    trace of the scaled inverse lies between one and n times 1 / (smallest eigenvalue).
-    """
-    if not trace * 10 * n * np.finfo(float).eps <= 1.0:
-        raise DegenerateError(
-            f"more is unobservable than the gauge: the scaled information is singular (below {n / trace:.0e})"
-        )
 
 
 @dataclass(frozen=True)
@@ -76,6 +65,19 @@ class HeldInverse:
         low, high = np.minimum(row, column), np.maximum(row, column)
         held = np.isin(columns, self.held)
         return np.where(held[..., :, None] | held[..., None, :], 0.0, self._band[high - low, low])
+
+    def across(self, columns: Index) -> Array:
+        """(c, c) entries of G over columns of the package's order, cross terms included."""
+        layout = self.reduced.structure.layout
+        if not layout.banded:
+            return self._full[np.ix_(columns, columns)]
+        self._band  # noqa: B018  (refuses a singular system)
+        unit = np.zeros((layout.size, len(columns)))
+        unit[columns, np.arange(len(columns))] = 1.0
+        G = self.times(unit)[columns]
+        held = np.isin(columns, self.held)
+        G[held], G[:, held] = 0.0, 0.0
+        return 0.5 * (G + G.T)
 
     @cached_property
     def _band(self) -> Array:

@@ -8,7 +8,8 @@ object; nothing else changes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache, cached_property
 from typing import Protocol
 
 import numpy as np
@@ -18,21 +19,13 @@ from ..errors import VigaugeError
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..kernels import rotation
+from ..model.factors import LinearFactor
 from ..model.state import State
+from .group import Group, YawTranslation, dimension
 
 Index = NDArray[np.int64]
 
-
-@dataclass(frozen=True)
-class GaugePrior:
-    """Whitened prior residual of Eq. (11).
-
-    ``residual`` (4,), the motion ``columns`` (4,) it depends on, and its ``jacobian`` (4, 4).
-    """
-
-    columns: Index
-    residual: Array
-    jacobian: Array
+_NOTHING: Index = np.empty(0, dtype=np.int64)
 
 
 class Gauge(Protocol):
@@ -44,35 +37,31 @@ class Gauge(Protocol):
     def held(self, state: State) -> Index:
         """Motion columns that do not move."""
 
-    def prior(self, state: State, reference: State) -> GaugePrior | None:
+    def prior(self, state: State, reference: State) -> LinearFactor | None:
         """Residual to add to the cost, or None."""
 
     def normal(self, state: State) -> Array:
-        """(9N + 3K, 4) V: derivative of the constraints, transposed (Appendix A)."""
+        """(9N + 3K, d) V: derivative of the d constraints, transposed (Appendix A)."""
 
     def meet(self, state: State, reference: State) -> tuple[State, float]:
         """theta_C of Eq. (12), where the orbit of ``state`` meets the gauge, and the yaw of the move."""
 
 
-def orbit_tangent(state: State) -> Array:
-    """(9N + 3K, 4) U of Eq. (15): basis of the tangent of the orbit; columns (yaw in rad, x, y, z in m).
-
-    It belongs to this package's parameters: left increments in W, the first rotation as
-    Eq. (9), order of :mod:`vigauge.model.state`. Biases, which a gauge does not move, have zero rows.
-    """
-    U = np.empty((state.n_parameters, 4))
-    rotation.orbit_tangent(state.p_W, state.v_W, state.X_W, state.dphi_0, U)
-    return U
+@cache
+def _first_pose_columns(n_keyframes: int) -> Index:
+    columns = np.array([0, 1, 2, 3 * n_keyframes + 2], dtype=np.int64)
+    columns.setflags(write=False)
+    return columns
 
 
 def first_pose_columns(state: State) -> Index:
     """Columns of p_0 and of the z part of dphi_0: what Eq. (10) sets."""
-    return np.array([0, 1, 2, 3 * state.n_keyframes + 2], dtype=np.int64)
+    return _first_pose_columns(state.n_keyframes)
 
 
 def _unit_columns(state: State, columns: Index) -> Array:
-    V = np.zeros((state.n_parameters, 4))
-    V[columns, np.arange(4)] = 1.0
+    V = np.zeros((state.n_parameters, len(columns)))
+    V[columns, np.arange(len(columns))] = 1.0
     return V
 
 
@@ -80,12 +69,12 @@ def _unit_columns(state: State, columns: Index) -> Array:
 class FixedGauge:
     """Gauge fixation, Eq. (10): first position and yaw do not move."""
 
-    name: str = "fix"
+    name: str = field(default="fix", kw_only=True)
 
     def held(self, state: State) -> Index:
         return first_pose_columns(state)
 
-    def prior(self, state: State, reference: State) -> GaugePrior | None:
+    def prior(self, state: State, reference: State) -> LinearFactor | None:
         return None
 
     def normal(self, state: State) -> Array:
@@ -96,21 +85,38 @@ class FixedGauge:
 
 
 @dataclass(frozen=True)
+class FirstPosePrior:
+    """The motion factor of Eq. (11): first position and dphi_0's z part, each with variance 1 / weight."""
+
+    weight: float
+    keyframes: tuple[int, ...] = field(default=(0,), init=False)
+
+    @cached_property
+    def _jacobian(self) -> Array:
+        return float(np.sqrt(self.weight)) * np.eye(dimension(YawTranslation()))
+
+    def at(self, state: State, reference: State) -> LinearFactor:
+        residual = np.empty(len(self._jacobian))
+        rotation.first_pose_error(state.p_W, reference.p_W, state.dphi_0, self._jacobian, residual)
+        return LinearFactor(first_pose_columns(state), residual, self._jacobian, total=True)
+
+
+@dataclass(frozen=True)
 class PriorGauge:
     """Gauge prior, Eq. (11), with Sigma_0^P = I / weight (Section V-A)."""
 
     weight: float
-    name: str = "prior"
+    name: str = field(default="prior", kw_only=True)
+
+    @cached_property
+    def factor(self) -> FirstPosePrior:
+        return FirstPosePrior(self.weight)
 
     def held(self, state: State) -> Index:
-        return np.empty(0, dtype=np.int64)
+        return _NOTHING
 
-    def prior(self, state: State, reference: State) -> GaugePrior | None:
-        scale = float(np.sqrt(self.weight))
-        error = np.empty(4)
-        error[:3] = state.p_W[0] - reference.p_W[0]
-        error[3] = state.dphi_0[2]
-        return GaugePrior(first_pose_columns(state), scale * error, scale * np.eye(4))
+    def prior(self, state: State, reference: State) -> LinearFactor | None:
+        return self.factor.at(state, reference)
 
     def normal(self, state: State) -> Array:
         return _unit_columns(state, first_pose_columns(state))
@@ -127,16 +133,17 @@ class FreeGauge:
     own tangent (the inner constraints of geodesy): V = U.
     """
 
-    name: str = "free"
+    group: Group = field(default=YawTranslation(), kw_only=True)
+    name: str = field(default="free", kw_only=True)
 
     def held(self, state: State) -> Index:
-        return np.empty(0, dtype=np.int64)
+        return _NOTHING
 
-    def prior(self, state: State, reference: State) -> GaugePrior | None:
+    def prior(self, state: State, reference: State) -> LinearFactor | None:
         return None
 
     def normal(self, state: State) -> Array:
-        return orbit_tangent(state)
+        return self.group.tangent(state)
 
     def meet(self, state: State, reference: State) -> tuple[State, float]:
         """Any point of the orbit will do: the estimate stays where it is."""
@@ -144,7 +151,7 @@ class FreeGauge:
 
 
 @dataclass(frozen=True)
-class KeyframeGauge(FreeGauge):
+class KeyframeGauge:
     """Position and heading of keyframe ``index``; for covariances (solving is as in the free gauge).
 
     The heading is the z part of the left increment in W. At index 0 that is not what Eq. (10)
@@ -152,36 +159,56 @@ class KeyframeGauge(FreeGauge):
     """
 
     index: int = 0
-    name: str = "keyframe"
+    name: str = field(default="keyframe", kw_only=True)
+
+    def held(self, state: State) -> Index:
+        return _NOTHING
+
+    def prior(self, state: State, reference: State) -> LinearFactor | None:
+        return None
 
     def normal(self, state: State) -> Array:
         if not 0 <= self.index < state.n_keyframes:
             raise VigaugeError(f"keyframe {self.index} is not among 0..{state.n_keyframes - 1}")
-        n, p = state.n_keyframes, 3 * self.index
-        V = np.zeros((state.n_parameters, 4))
-        V[p : p + 3, :3] = np.eye(3)
-        V[3 * n + p + 2, 3] = 1.0
-        if self.index == 0:
-            # dphi_0 turns the first keyframe by J_l(dphi_0) of its change.
-            V[3 * n : 3 * n + 3, 3] = so3.left_jacobian(state.dphi_0)[2]
-        return V
+        weights = np.zeros(state.n_keyframes)
+        weights[self.index] = 1.0
+        return _mean_pose(state, weights)
+
+    def meet(self, state: State, reference: State) -> tuple[State, float]:
+        """The estimate stays where it is: a covariance has no use for where the keyframe is held."""
+        return state, 0.0
 
 
 @dataclass(frozen=True)
-class CentroidGauge(FreeGauge):
+class CentroidGauge:
     """Mean position and mean yaw of all keyframes; for covariances (solving is as in the free gauge)."""
 
-    name: str = "centroid"
+    name: str = field(default="centroid", kw_only=True)
+
+    def held(self, state: State) -> Index:
+        return _NOTHING
+
+    def prior(self, state: State, reference: State) -> LinearFactor | None:
+        return None
 
     def normal(self, state: State) -> Array:
-        n = state.n_keyframes
-        V = np.zeros((state.n_parameters, 4))
-        for axis in range(3):
-            V[axis : 3 * n : 3, axis] = 1.0 / n
-        # The mean is over left increments; dphi_0 turns the first by J_l(dphi_0) of it.
-        V[3 * n + 2 : 6 * n : 3, 3] = 1.0 / n
-        V[3 * n : 3 * n + 3, 3] = so3.left_jacobian(state.dphi_0)[2] / n
-        return V
+        return _mean_pose(state, np.full(state.n_keyframes, 1.0 / state.n_keyframes))
+
+    def meet(self, state: State, reference: State) -> tuple[State, float]:
+        """The estimate stays where it is: a covariance has no use for where the mean is held."""
+        return state, 0.0
+
+
+def _mean_pose(state: State, weights: Array) -> Array:
+    """V of a weighted mean of positions and of the z parts of left increments."""
+    n = state.n_keyframes
+    V = np.zeros((state.n_parameters, dimension(YawTranslation())))
+    for axis in range(3):
+        V[axis : 3 * n : 3, axis] = weights
+    V[3 * n + 2 : 6 * n : 3, 3] = weights
+    # dphi_0 turns the first keyframe by J_l(dphi_0) of its change.
+    V[3 * n : 3 * n + 3, 3] = so3.left_jacobian(state.dphi_0)[2] * weights[0]
+    return V
 
 
 def three_gauges(prior_weight: float) -> dict[str, Gauge]:
@@ -211,8 +238,3 @@ def push_to_first_pose(state: State, reference: State) -> tuple[State, float]:
     t_W = reference.p_W[0] - so3.yaw_rotation(alpha) @ state.p_W[0]
     pushed = state.transformed(alpha, t_W)
     return pushed, alpha
-
-
-def oblique_projector(U: Array, V: Array) -> Array:
-    """(n, n) Q = I - U (V^T U)^-1 V^T of Eq. (14), dense: for small problems and tests."""
-    return np.eye(len(U)) - U @ np.linalg.solve(V.T @ U, V.T)

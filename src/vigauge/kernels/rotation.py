@@ -132,3 +132,11 @@ def orbit_tangent(p_W: Array, v_W: Array, X_W: Array, dphi_0: Array, U: Array) -
     right_jacobian_inverse(-dphi_0, inverse)  # J_r(-phi) = J_l(phi)
     for a in range(3):
         U[3 * n + a, 0] = inverse[a, 2]
+
+
+@part
+def first_pose_error(p_W: Array, p_ref: Array, dphi_0: Array, whitener: Array, out: Array) -> None:
+    """Whitened residual of Eq. (11) into ``out`` (4,): first position, then the z part of dphi_0."""
+    for a in range(3):
+        out[a] = whitener[a, a] * (p_W[0, a] - p_ref[0, a])
+    out[3] = whitener[3, 3] * dphi_0[2]

@@ -352,54 +352,55 @@ def back_substitute(
 
 @kernel
 def couple(W: Couplings, factor: Array, batches: Batches, landmark: Array, out: Array, gram: Array) -> None:
-    """Add W C^-1 V to ``out`` (3, N, 3, 4), by kind and keyframe, and V^T C^-1 V to ``gram`` (4, 4).
+    """Add W C^-1 V to ``out`` (3, N, 3, d), by kind and keyframe, and V^T C^-1 V to ``gram`` (d, d).
 
-    V (K, 3, 4) are four landmark columns, as many as a gauge has constraints. ``out`` and ``gram`` start
+    V (K, 3, d) are landmark columns, as many as a gauge has constraints. ``out`` and ``gram`` start
     as zeros.
     """
     information, p_W, X_W, chain = W
     order, batch_begin, batch_cell, cell_keyframe, _, _, _ = batches
     lanes = factor.shape[1] // 6
-    s, v = np.empty(_ROWS * L), np.empty(24 * L)
+    d = landmark.shape[2]
+    s, v = np.empty(_ROWS * L), np.empty(6 * d * L)
     # Rows of v: F V, then C^-1 V.
     for b in range(len(factor)):
         first, end = batch_begin[b], batch_begin[b + 1]
         gather_points(first, end - 1, order, X_W, lanes, s)
         _load_factor(b, factor, s)
-        for i in range(12 * lanes):
+        for i in range(3 * d * lanes):
             v[i] = 0.0
         for i in range(end - first):
             j = order[first + i]
             for a in range(3):
-                for c in range(4):
-                    v[(4 * a + c) * L + i] = landmark[j, a, c]
-        for c in range(4):
+                for c in range(d):
+                    v[(d * a + c) * L + i] = landmark[j, a, c]
+        for c in range(d):
             for i in range(lanes):
-                v0, v1, v2 = v[c * L + i], v[(4 + c) * L + i], v[(8 + c) * L + i]
+                v0, v1, v2 = v[c * L + i], v[(d + c) * L + i], v[(2 * d + c) * L + i]
                 f00, f10, f20 = s[_F + i], s[_F + L + i], s[_F + 2 * L + i]
                 f11, f21, f22 = s[_F + 3 * L + i], s[_F + 4 * L + i], s[_F + 5 * L + i]
                 h0, h1, h2 = f00 * v0, f10 * v0 + f11 * v1, f20 * v0 + f21 * v1 + f22 * v2
-                v[c * L + i], v[(4 + c) * L + i], v[(8 + c) * L + i] = h0, h1, h2
-                v[(12 + c) * L + i] = f00 * h0 + f10 * h1 + f20 * h2
-                v[(16 + c) * L + i] = f11 * h1 + f21 * h2
-                v[(20 + c) * L + i] = f22 * h2
-        for c in range(4):
-            for d in range(c, 4):
+                v[c * L + i], v[(d + c) * L + i], v[(2 * d + c) * L + i] = h0, h1, h2
+                v[(3 * d + c) * L + i] = f00 * h0 + f10 * h1 + f20 * h2
+                v[(4 * d + c) * L + i] = f11 * h1 + f21 * h2
+                v[(5 * d + c) * L + i] = f22 * h2
+        for c in range(d):
+            for e in range(c, d):
                 total = 0.0
                 for i in range(lanes):
-                    total += v[c * L + i] * v[d * L + i]
-                    total += v[(4 + c) * L + i] * v[(4 + d) * L + i]
-                    total += v[(8 + c) * L + i] * v[(8 + d) * L + i]
-                gram[c, d] += total
+                    total += v[c * L + i] * v[e * L + i]
+                    total += v[(d + c) * L + i] * v[(d + e) * L + i]
+                    total += v[(2 * d + c) * L + i] * v[(2 * d + e) * L + i]
+                gram[c, e] += total
         for cell in range(batch_cell[b], batch_cell[b + 1]):
             k = cell_keyframe[cell]
             px, py, pz = p_W[k, 0], p_W[k, 1], p_W[k, 2]
             _load_cell(cell, information, s)
-            for c in range(4):
+            for c in range(d):
                 t0, t1, t2, t3, t4, t5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 for i in range(lanes):
                     x, y, z = s[i] - px, s[L + i] - py, s[2 * L + i] - pz
-                    v0, v1, v2 = v[(12 + c) * L + i], v[(16 + c) * L + i], v[(20 + c) * L + i]
+                    v0, v1, v2 = v[(3 * d + c) * L + i], v[(4 * d + c) * L + i], v[(5 * d + c) * L + i]
                     m1, m2, m4 = s[_M + L + i], s[_M + 2 * L + i], s[_M + 4 * L + i]
                     u0 = s[_M + i] * v0 + m1 * v1 + m2 * v2
                     u1 = m1 * v0 + s[_M + 3 * L + i] * v1 + m4 * v2
@@ -416,11 +417,11 @@ def couple(W: Couplings, factor: Array, batches: Batches, landmark: Array, out: 
                 out[1, k, 0, c] -= t3
                 out[1, k, 1, c] -= t4
                 out[1, k, 2, c] -= t5
-    for c in range(4):
-        for d in range(c):
-            gram[c, d] = gram[d, c]
+    for c in range(d):
+        for e in range(c):
+            gram[c, e] = gram[e, c]
     # Keyframe 0 by its total increment, Eq. (9).
-    for c in range(4):
+    for c in range(d):
         t0, t1, t2 = out[1, 0, 0, c], out[1, 0, 1, c], out[1, 0, 2, c]
         for a in range(3):
             out[1, 0, a, c] = chain[0, a] * t0 + chain[1, a] * t1 + chain[2, a] * t2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..geometry.so3 import Array
 from .compiled import kernel, part
 from .lanes import Index
@@ -21,16 +23,20 @@ def unpack(lower: Array, stored: Index, out: Array) -> None:
 
 @kernel
 def subtract_outer(G: Array, A: Array, W: Array) -> None:
-    """G <- G - A W^T - W A^T for (n, 4) A and W; exactly symmetric, from the lower triangle of G."""
-    # By columns, so that a row of G is a sum of eight rows.
-    A_T, W_T = A.T.copy(), W.T.copy()
-    for i in range(G.shape[0]):
-        a0, a1, a2, a3 = A[i, 0], A[i, 1], A[i, 2], A[i, 3]
-        w0, w1, w2, w3 = W[i, 0], W[i, 1], W[i, 2], W[i, 3]
-        for j in range(i + 1):
-            value = a0 * W_T[0, j] + a1 * W_T[1, j] + a2 * W_T[2, j] + a3 * W_T[3, j]
-            value += w0 * A_T[0, j] + w1 * A_T[1, j] + w2 * A_T[2, j] + w3 * A_T[3, j]
-            G[i, j] -= value
+    """G <- G - A W^T - W A^T for (n, d) A and W; exactly symmetric, from the lower triangle of G."""
+    n, d = A.shape
+    # By columns, four at a time, so that a row of G is a sum of eight rows.
+    padded = (d + 3) // 4 * 4
+    A_T, W_T = np.zeros((padded, n)), np.zeros((padded, n))
+    A_T[:d], W_T[:d] = A.T, W.T
+    for c in range(0, padded, 4):
+        for i in range(n):
+            a0, a1, a2, a3 = A_T[c, i], A_T[c + 1, i], A_T[c + 2, i], A_T[c + 3, i]
+            w0, w1, w2, w3 = W_T[c, i], W_T[c + 1, i], W_T[c + 2, i], W_T[c + 3, i]
+            for j in range(i + 1):
+                value = a0 * W_T[c, j] + a1 * W_T[c + 1, j] + a2 * W_T[c + 2, j] + a3 * W_T[c + 3, j]
+                value += w0 * A_T[c, j] + w1 * A_T[c + 1, j] + w2 * A_T[c + 2, j] + w3 * A_T[c + 3, j]
+                G[i, j] -= value
     for i in range(G.shape[0]):
         for j in range(i):
             G[j, i] = G[i, j]
@@ -48,12 +54,21 @@ def hold(storage: Array, held: Index, stride: int, half_bandwidth: int, size: in
 
 
 @part
-def add(storage: Array, at: Index, stride: int, block: Array) -> None:
-    """Add a symmetric block over distinct columns to a stored lower triangle, as in :func:`hold`."""
+def add_factor(
+    storage: Array, gradient: Array, at: Index, stride: int, jacobian: Array, residual: Array
+) -> None:
+    """Add J^T J over distinct columns to a triangle stored as in :func:`hold`, J^T r to the gradient."""
     for i in range(len(at)):
+        total = 0.0
+        for m in range(len(residual)):
+            total += jacobian[m, i] * residual[m]
+        gradient[at[i]] += total
         for j in range(len(at)):
             if at[i] >= at[j]:
-                storage[at[j] * stride + at[i]] += block[i, j]
+                total = 0.0
+                for m in range(len(residual)):
+                    total += jacobian[m, i] * jacobian[m, j]
+                storage[at[j] * stride + at[i]] += total
 
 
 @part

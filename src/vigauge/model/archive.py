@@ -172,7 +172,7 @@ def _problem_from(entry: _Entry) -> Problem:
         inertial=InertialFactors(**{name: entry.take(f"inertial.{name}") for name in _FACTORS}),
         sigma_px=float(entry.take("sigma_px", number=True)),
         gravity=float(entry.take("gravity", number=True)),
-        **{name: entry.take(name) for name in _OBSERVATIONS},
+        **{name: entry.take(name) for name in _OBSERVATIONS},  # type: ignore[arg-type]
     )
 
 
@@ -210,7 +210,10 @@ def _load_list(path: PathLike, kind: str, build: Callable[[_Entry], T]) -> list[
 
 
 def save_problems(path: PathLike, problems: Sequence[Problem]) -> None:
-    """Write problems to one archive."""
+    """Write problems to one archive. DataError for one with motion factors: those are code, not data."""
+    for problem in problems:
+        if problem.factors:
+            raise DataError(path, "cannot hold motion factors", field="factors", value=len(problem.factors))
     _save_list(path, "problems", [_problem_arrays(problem) for problem in problems])
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from ..geometry.so3 import Array
 from ..kernels.covisibility import spread_pixels
 from ..kernels.lanes import LANES
 from ..sparsity.structure import Structure
+from .factors import MotionFactor
 from .imu import Preintegrated
 from .state import State
 
@@ -124,6 +126,7 @@ class Problem:
     sigma_px : standard deviation of one pixel coordinate
     inertial : preintegrated factors, biases taken off
     gravity : g in m/s^2; g_W = (0, 0, -g)
+    factors : further residuals on keyframes (GNSS, compass, ...), see :class:`.factors.MotionFactor`
 
     Raises DataError where shapes, indices, order or numbers are wrong.
     """
@@ -137,6 +140,7 @@ class Problem:
     sigma_px: float
     inertial: InertialFactors
     gravity: float
+    factors: tuple[MotionFactor, ...] = ()
 
     def __post_init__(self) -> None:
         _make_contiguous(self, ("obs_keyframe", "obs_camera", "obs_landmark"), np.int64)
@@ -167,6 +171,16 @@ class Problem:
         for name in ("sigma_px", "gravity"):
             if not np.isfinite(getattr(self, name)):
                 raise DataError("problem", "must be finite", field=name, value=getattr(self, name))
+        for number, factor in enumerate(self.factors):
+            missing = [k for k in factor.keyframes if not 0 <= k < n]
+            if missing:
+                raise DataError(
+                    "problem",
+                    f"keyframes must lie in 0..{n - 1}",
+                    field="factors",
+                    row=number,
+                    value=missing[0],
+                )
         if not self.sigma_px > 0:
             raise DataError("problem", "must be positive", field="sigma_px", value=self.sigma_px)
 
@@ -197,6 +211,7 @@ class Problem:
         sigma_px: float,
         inertial: InertialFactors,
         gravity: float,
+        factors: tuple[MotionFactor, ...] = (),
     ) -> Problem:
         """Build from observations in any order (they are sorted by landmark, keyframe, camera)."""
         order = np.lexsort((camera, keyframe, landmark))
@@ -210,6 +225,7 @@ class Problem:
             sigma_px=sigma_px,
             inertial=inertial,
             gravity=gravity,
+            factors=factors,
         )
 
     def with_initial(self, initial: State) -> Problem:
@@ -229,8 +245,16 @@ class Problem:
             self.initial.n_landmarks,
             len(self.cameras),
             (self.obs_keyframe, self.obs_camera, self.obs_landmark),
-            (self.inertial.first, self.inertial.second),
+            self._joined,
         )
+
+    @property
+    def _joined(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Pairs of keyframes that an inertial or a motion factor joins."""
+        pairs = [pair for factor in self.factors for pair in combinations(factor.keyframes, 2)]
+        more = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        first, second = self.inertial.first, self.inertial.second
+        return np.concatenate([first, more[:, 0]]), np.concatenate([second, more[:, 1]])
 
     @cached_property
     def pixels(self) -> Array:

@@ -20,14 +20,15 @@ import numpy as np
 from scipy.stats import chi2
 
 from ..errors import DataError
-from ..gauge.gauges import orbit_tangent
+from ..gauge.group import orbit_tangent
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..model.problem import Problem
 from ..model.state import State
 from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
 from ..sparsity.layout import Index
-from .null_space import ROUNDING, NullSpace
+from ..sparsity.rounding import rounding
+from .spectrum import NullSpace
 from .unobservable import measurement_graph, scaling, unobservable_moves
 
 # A quantity is determined if zero lies more than three of its standard deviations away.
@@ -211,7 +212,8 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
     n_motion = 9 * state.n_keyframes
     null = NullSpace(reduced.matrix, equations.diagonal()[:n_motion])
     found = _Findings(null, reduced, equations)
-    expected = null.take(orbit_tangent(state)[:n_motion]).shape[1]
+    tangent = orbit_tangent(state)[:n_motion]
+    expected = null.take(tangent).shape[1]
     for kind, keyframes, candidates in unobservable_moves(problem, state):
         found.add(kind, keyframes, null.take(candidates))
     found.add(COMBINATION, (), null.rest())
@@ -227,7 +229,7 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
     return Diagnosis(
         n_parameters=state.n_parameters,
         expected=expected,
-        missing=4 - expected,
+        missing=tangent.shape[1] - expected,
         extra=tuple(extra),
         weak=weak,
         eigenvalues=null.eigenvalues / null.largest,
@@ -249,7 +251,7 @@ def _fill_landmarks(equations: NormalEquations) -> tuple[list[Direction], Normal
     diagonal = np.diagonal(C, axis1=1, axis2=2)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(C / scale[:, :, None] / scale[:, None, :])
-    null = values < ROUNDING
+    null = values < rounding(3)
     blind = vectors * null[:, None, :]
     fill = scale[:, :, None] * (blind @ blind.swapaxes(1, 2)) * scale[:, None, :]
     numbers = np.flatnonzero(null.any(axis=1))

@@ -17,9 +17,10 @@ from enum import StrEnum
 import numpy as np
 
 from ..errors import SolverError
-from ..gauge.gauges import Gauge, GaugePrior
+from ..gauge.gauges import Gauge
 from ..geometry.so3 import Array
 from ..kernels.damping import clamped, predicted_decrease, squares
+from ..model.factors import LinearFactor
 from ..model.problem import Problem
 from ..model.state import State
 from ..sparsity.layout import Layout
@@ -132,7 +133,7 @@ class _Evaluation:
     """A state, the gauge's prior there, and the cost with and without it."""
 
     state: State
-    prior: GaugePrior | None
+    prior: LinearFactor | None
     cost: float
     measurements: Evaluation
 
@@ -160,7 +161,7 @@ class _Objective:
             self.problem, here.state, self.workers, R_CW=here.measurements.R_CW, spent=self.spent
         )
         if here.prior is not None:
-            self.spent.add_prior(here.prior.columns, here.prior.residual, here.prior.jacobian)
+            self.spent.add_factor(here.prior)
         return self.spent
 
 

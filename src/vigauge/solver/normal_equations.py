@@ -18,10 +18,13 @@ from ..kernels import inertial as inertial_kernels
 from ..kernels import schur, symmetric, visual
 from ..kernels.lanes import LANES
 from ..kernels.schur import Couplings
+from ..model.factors import LinearFactor
 from ..model.problem import Problem
 from ..model.state import State
 from ..sparsity.layout import Index, Layout, by_keyframe
+from ..sparsity.rounding import rounding
 from ..sparsity.structure import Structure
+from .factors import add_factor, in_total_increments, linear_factors
 from .residuals import camera_rotations, first_rotation_chain, inertial_inputs
 from .workers import ALONE, Workers
 
@@ -88,17 +91,15 @@ class NormalEquations:
         np.add.at(across, pairs.landmark, np.einsum("pij,pi->pj", W, pose[pairs.keyframe]))
         return np.concatenate([out, across.ravel()])
 
-    def with_prior(self, columns: Index, residual: Array, jacobian: Array) -> NormalEquations:
-        """Add a whitened residual that depends on the motion parameters ``columns`` only."""
+    def with_factor(self, factor: LinearFactor) -> NormalEquations:
+        """These equations and a motion factor that is in total increments."""
         out = replace(self, storage=self.storage.copy(), motion_gradient=self.motion_gradient.copy())
-        out.add_prior(columns, residual, jacobian)
+        out.add_factor(factor)
         return out
 
-    def add_prior(self, columns: Index, residual: Array, jacobian: Array) -> None:
-        """:meth:`with_prior` in place."""
-        layout = self.structure.layout
-        layout.add(self.storage, columns, jacobian.T @ jacobian)
-        self.motion_gradient[layout.stored[columns]] += jacobian.T @ residual
+    def add_factor(self, factor: LinearFactor) -> None:
+        """:meth:`with_factor` in place."""
+        add_factor(factor, self.structure.layout, self.storage, self.motion_gradient)
 
     def eliminate(self, damping: Array | None = None, workers: Workers = ALONE) -> ReducedSystem:
         """Schur complement onto the motion of H + diag(damping); damping is (9N + 3K,).
@@ -152,7 +153,7 @@ class NormalEquations:
                 gradient += of_piece
         regular = min(smallest)
         # A singular block is one to rounding: whether its determinant comes out positive is chance.
-        if damping is None and not regular >= 1e3 * np.finfo(float).eps and _all_seen(self.landmark):
+        if damping is None and not regular >= rounding(3) and _all_seen(self.landmark):
             raise DegenerateError(
                 f"landmark {_weakest(self.landmark)} is unobservable along its line of sight"
             )
@@ -229,11 +230,11 @@ class ReducedSystem:
         return step
 
     def couple(self, landmark: Array) -> tuple[Array, Array]:
-        """W C^-1 V (9N, 4) and V^T C^-1 V (4, 4) of landmark columns V (3K, 4)."""
-        s = self.structure
-        out, gram = np.zeros((3, s.n_keyframes, 3, 4)), np.zeros((4, 4))
-        schur.couple(self.couplings, self.factor, s.batches, landmark.reshape(-1, 3, 4), out, gram)
-        return out.reshape(-1, 4), gram
+        """W C^-1 V (9N, d) and V^T C^-1 V (d, d) of landmark columns V (3K, d)."""
+        s, d = self.structure, landmark.shape[1]
+        out, gram = np.zeros((3, s.n_keyframes, 3, d)), np.zeros((d, d))
+        schur.couple(self.couplings, self.factor, s.batches, landmark.reshape(-1, 3, d), out, gram)
+        return out.reshape(-1, d), gram
 
     def landmark_inverses(self) -> Array:
         """(K, 3, 3) C^-1 = F^T F."""
@@ -311,6 +312,8 @@ def linearise(
     chain = first_rotation_chain(state)
     visual.spread_poses(pose, chain, layout.column, layout.stride, storage, gradient)
     _add_inertial(problem, state, layout, chain, storage, gradient)
+    for factor in linear_factors(problem, state):
+        add_factor(in_total_increments(factor, state), layout, storage, gradient)
     couplings = Couplings(information, state.p_W, state.X_W, chain)
     return NormalEquations(s, storage, couplings, landmark, gradient, landmark_gradient)
 

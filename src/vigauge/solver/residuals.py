@@ -71,6 +71,9 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
         problem.pixels,
     )
     squares += inertial_kernels.cost(*inertial_inputs(problem, state))
+    for factor in problem.factors:
+        residual = factor.at(state, problem.initial).residual
+        squares += float(residual @ residual)
     count = len(problem.obs_uv)
     return Evaluation(0.5 * squares, lengths * problem.sigma_px / count if count else 0.0, R_CW)
 

@@ -49,7 +49,7 @@ def _pays(reach: int, n: int) -> bool:
 
 
 def _reach(place: Index, k: int, keyframe: Index, landmark: Index, first: Index, second: Index) -> int:
-    """Largest distance in places between keyframes that share a landmark or an inertial factor."""
+    """Largest distance in places between keyframes that share a landmark or a factor."""
     earliest, latest = np.empty((2, k), dtype=np.int64)
     shared = covisibility.spans(keyframe, landmark, place, earliest, latest)
     return max(shared, int(np.max(np.abs(place[first] - place[second]), initial=0)))
@@ -96,7 +96,7 @@ class Layout:
         """Keyframes in their own order where that gives a band, else in reverse Cuthill-McKee, else dense.
 
         ``keyframe`` and ``landmark`` (M,) of every observation; ``first`` and ``second`` (F,) keyframes
-        that an inertial factor joins.
+        that an inertial or motion factor joins.
         """
         n = 9 * n_keyframes
         seen = n_landmarks, keyframe, landmark, first, second
@@ -151,12 +151,10 @@ class Layout:
         """(9N,) view of the diagonal, stored order."""
         return storage[:: self.stride + 1][: self.size]
 
-    def add(self, storage: Array, columns: Index, block: Array) -> None:
-        """Add a symmetric block over distinct columns of the package's order, in place."""
-        at = self.stored[columns]
-        if at.max() - at.min() > self.half_bandwidth:
-            raise SolverError("a prior joins keyframes that are too far apart for the banded system")
-        symmetric.add(storage, at, self.stride, block)
+    def require_near(self, at: Index) -> None:
+        """SolverError where stored columns lie too far apart for the band to hold their products."""
+        if self.banded and at.max() - at.min() > self.half_bandwidth:
+            raise SolverError("a motion factor joins keyframes that are too far apart for the banded system")
 
     def hold(self, storage: Array, columns: Index) -> None:
         """Replace rows and columns by those of the identity, in place: what they stand for does not move."""

@@ -75,7 +75,7 @@ class Structure:
         """Of ``n`` keyframes and ``k`` landmarks.
 
         ``observed`` (M,) keyframe, camera and landmark of every observation, ordered by landmark, then
-        keyframe; ``joined`` (F,) first and second keyframes of the inertial factors.
+        keyframe; ``joined`` (F,) first and second keyframes that a factor joins.
         """
         keyframe, camera, landmark = observed
         m = len(landmark)

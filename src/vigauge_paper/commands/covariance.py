@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from vigauge.cli.command import LOG
-from vigauge.covariance.covariance import covariance_of, motion_pseudo_inverse, spectrum, transform_covariance
+from vigauge.covariance.covariance import Covariance, motion_pseudo_inverse
+from vigauge.covariance.transform import transform_covariance
 from vigauge.errors import DegenerateError
 from vigauge.gauge.gauges import FixedGauge, PriorGauge
 from vigauge.model.archive import load_problems, load_states, load_statuses, save_arrays
@@ -24,8 +25,8 @@ from vigauge.model.evaluation import covariance_defects, relative_frobenius
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.observability.diagnosis import Diagnosis, diagnose
+from vigauge.observability.spectrum import Spectrum
 from vigauge.solver.levenberg_marquardt import CONVERGED, Status
-from vigauge.solver.normal_equations import linearise
 from vigauge_paper.run.artefacts import add_prior_weight
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 
@@ -40,19 +41,15 @@ def compare_gauges(
     """Covariances at the three estimates and at one common point, and their distances."""
     reference, fixed_gauge = problem.initial, FixedGauge()
     prior_gauge = PriorGauge(prior_weight)
-    at_fix, at_free = linearise(problem, fix), linearise(problem, free)
-    at_prior = linearise(problem, prior)
-    fixed = covariance_of(at_fix, fix, fixed_gauge, reference)
-    free_covariance = motion_pseudo_inverse(at_free, free)
+    at_fix, at_prior, at_free = (Covariance.of(problem, state) for state in (fix, prior, free))
+    fixed = at_fix.motion(fixed_gauge)
+    free_covariance = motion_pseudo_inverse(at_free)
     transformed, moved = transform_covariance(free_covariance, free, fixed_gauge, reference)
-    with_prior = covariance_of(at_prior, prior, prior_gauge, reference)
-    squared = covariance_of(at_fix, fix, PriorGauge(prior_weight**2), reference)
-    free_at_fix = motion_pseudo_inverse(at_fix, fix)
-    same_point, _ = transform_covariance(free_at_fix, fix, fixed_gauge, reference)
-    found = spectrum(at_free)
-    pull = prior_gauge.prior(prior, reference)
-    assert pull is not None
-    with_pull = at_prior.with_prior(pull.columns, pull.residual, pull.jacobian)
+    with_prior = at_prior.motion(prior_gauge)
+    squared = at_fix.motion(PriorGauge(prior_weight**2))
+    same_point, _ = transform_covariance(motion_pseudo_inverse(at_fix), fix, fixed_gauge, reference)
+    found = at_free.spectrum()
+    pulled = at_prior.equations.with_factor(prior_gauge.factor.at(prior, reference))
     return {
         "free": free_covariance,
         "transformed": transformed,
@@ -70,8 +67,8 @@ def compare_gauges(
         "n_landmarks": free.n_landmarks,
         "n_parameters": free.n_parameters,
         "rank_free": found.rank,
-        "rank_fix": spectrum(at_fix, fixed_gauge.held(fix)).rank,
-        "rank_prior": spectrum(with_pull).rank,
+        "rank_fix": at_fix.spectrum(fixed_gauge.held(fix)).rank,
+        "rank_prior": Spectrum.of(pulled.eliminate()).rank,
         "eigenvalues": found.eigenvalues,
         "gap": found.gap,
     }

@@ -16,7 +16,7 @@ from vigauge.cli.command import LOG
 from vigauge.files import write_rows
 from vigauge.gauge.gauges import FreeGauge, Gauge, PriorGauge
 from vigauge.model.archive import load_problems, load_states
-from vigauge.observability.conditioning import condition_number
+from vigauge.observability.spectrum import condition_number
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge.solver.normal_equations import linearise
 from vigauge_paper.experiments.interleaved import (
@@ -40,7 +40,7 @@ def _conditioning(timed: TimedSolve, gauge: Gauge) -> dict[str, object]:
     equations = linearise(problem, state)
     prior = gauge.prior(state, problem.initial)
     if prior is not None:
-        equations = equations.with_prior(prior.columns, prior.residual, prior.jacobian)
+        equations = equations.with_factor(prior)
     return {"condition": condition_number(equations)}
 
 

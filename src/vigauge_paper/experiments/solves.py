@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from vigauge.gauge.gauges import FixedGauge, Gauge, PriorGauge, orbit_tangent
+from vigauge.gauge.gauges import FixedGauge, Gauge, PriorGauge
+from vigauge.gauge.group import orbit_tangent
 from vigauge.model.evaluation import trajectory_errors
 from vigauge.model.problem import Problem
 from vigauge.model.state import State

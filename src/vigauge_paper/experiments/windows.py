@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from vigauge.covariance.covariance import covariance_of, motion_pseudo_inverse, transform_covariance
+from vigauge.covariance.covariance import Covariance, motion_pseudo_inverse
+from vigauge.covariance.transform import transform_covariance
 from vigauge.errors import VigaugeError
 from vigauge.gauge.gauges import FixedGauge, three_gauges
 from vigauge.model.evaluation import relative_frobenius
@@ -25,7 +26,6 @@ from vigauge.recordings.checks.sequence import Window, check_sequence
 from vigauge.recordings.frontend.build import build_problem
 from vigauge.recordings.frontend.settings import FrontEndSettings
 from vigauge.solver.levenberg_marquardt import Options
-from vigauge.solver.normal_equations import linearise
 
 from .interleaved import Trial, first_solves, solution_row, solve_interleaved
 
@@ -156,12 +156,10 @@ def _solve(about: Row, problem: Problem, truth: State, options: Options, prior_w
 def _distances(problem: Problem, fix: State, free: State) -> Row:
     """Relative Frobenius distances of Eq. (12)'s result from the fixed covariance (Section VI)."""
     reference, fixed_gauge = problem.initial, FixedGauge()
-    at_fix = linearise(problem, fix)
-    fixed = covariance_of(at_fix, fix, fixed_gauge, reference)
-    same, _ = transform_covariance(motion_pseudo_inverse(at_fix, fix), fix, fixed_gauge, reference)
-    converged, _ = transform_covariance(
-        motion_pseudo_inverse(linearise(problem, free), free), free, fixed_gauge, reference
-    )
+    at_fix, at_free = Covariance.of(problem, fix), Covariance.of(problem, free)
+    fixed = at_fix.motion(fixed_gauge)
+    same, _ = transform_covariance(motion_pseudo_inverse(at_fix), fix, fixed_gauge, reference)
+    converged, _ = transform_covariance(motion_pseudo_inverse(at_free), free, fixed_gauge, reference)
     return {
         "relative_frobenius_same_point": relative_frobenius(same, fixed),
         "relative_frobenius_converged": relative_frobenius(converged, fixed),

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vigauge.covariance.covariance import transfer_blocks
-from vigauge.gauge.gauges import FixedGauge, orbit_tangent, yaw_to_first_pose
+from vigauge.covariance.transform import transfer_blocks
+from vigauge.gauge.gauges import FixedGauge, yaw_to_first_pose
+from vigauge.gauge.group import orbit_tangent
 from vigauge.geometry import so3
 from vigauge.geometry.so3 import Array
 from vigauge.model.evaluation import align_all_poses

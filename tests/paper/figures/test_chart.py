@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from support.simulated import estimate, trial
-from vigauge.gauge.gauges import FixedGauge, oblique_projector, orbit_tangent
+from vigauge.covariance.projection import oblique_projector
+from vigauge.gauge.gauges import FixedGauge
+from vigauge.gauge.group import orbit_tangent
 from vigauge.model.state import State
 from vigauge_paper.figures.chart import Chart, carry_perturbation
 

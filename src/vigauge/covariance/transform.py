@@ -1,0 +1,65 @@
+"""Eq. (12): a covariance at one estimate taken to a gauge, the estimate moved along (Appendix A)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import DataError
+from ..gauge.gauges import Gauge
+from ..gauge.group import orbit_tangent
+from ..geometry import so3
+from ..geometry.so3 import Array
+from ..model.state import State
+from .projection import project_covariance
+
+
+def transfer_blocks(state: State, moved: State, yaw: float, count: int) -> Array:
+    """(count, 3, 3) diagonal blocks of d(theta_C)/d(theta) (Appendix A)."""
+    blocks = np.broadcast_to(so3.yaw_rotation(yaw), (count, 3, 3)).copy()
+    blocks[state.n_keyframes] = so3.right_jacobian_inverse(moved.dphi_0) @ so3.right_jacobian(state.dphi_0)
+    return blocks
+
+
+def transform_covariance(
+    covariance: Array, state: State, gauge: Gauge, reference: State
+) -> tuple[Array, State]:
+    """Eq. (12): a covariance at ``state`` taken to a gauge.
+
+    Parameters
+    ----------
+    covariance : (9N, 9N) motion block, or (9N + 3K, 9N + 3K) with landmarks; usually the free one
+    state : estimate it belongs to
+    gauge : gauge wanted
+    reference : state whose first pose the gauge keeps (the initial state of the problem)
+
+    Returns
+    -------
+    covariance in the gauge, same shape, and theta_C, the estimate moved onto the gauge
+
+    Raises
+    ------
+    DataError
+        for another shape, a matrix that is not symmetric, or a motion block where the gauge
+        constrains landmarks
+    """
+    n = len(covariance)
+    n_motion = 9 * state.n_keyframes
+    if covariance.shape not in ((n_motion, n_motion), (state.n_parameters,) * 2):
+        raise DataError(
+            "covariance",
+            f"shape must be ({n_motion}, {n_motion}) or {(state.n_parameters,) * 2}",
+            value=covariance.shape,
+        )
+    moved, yaw = gauge.meet(state, reference)
+    V = gauge.normal(moved)
+    if n == n_motion and np.any(V[n_motion:]):
+        raise DataError(
+            "covariance", f"gauge '{gauge.name}' constrains landmarks, so their covariance is needed"
+        )
+    asymmetry = float(np.linalg.norm(covariance - covariance.T) / np.linalg.norm(covariance))
+    if not asymmetry < 1e-8:
+        raise DataError("covariance", "must be finite and symmetric", field="asymmetry", value=asymmetry)
+    blocks = transfer_blocks(state, moved, yaw, n // 3)
+    carried = (blocks @ covariance.reshape(n // 3, 3, n)).reshape(n, n)
+    carried = (blocks @ carried.T.reshape(n // 3, 3, n)).reshape(n, n)
+    return project_covariance(carried, orbit_tangent(moved)[:n], V[:n]), moved

@@ -1,0 +1,163 @@
+"""The spectrum of an information matrix: what is zero to rounding, and which known directions are.
+
+Everything is compared after Jacobi scaling (unit diagonal), in which metres, radians and
+near or far landmarks weigh alike. One rule, :func:`rounding`, says what is zero: the rank of
+Table I, the diagnosis, the condition number and the covariances all ask it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import DegenerateError, SolverError
+from ..geometry.so3 import Array
+from ..solver.normal_equations import NormalEquations, ReducedSystem
+from ..sparsity.layout import Index
+from ..sparsity.rounding import rounding
+
+# Cosine above which a direction lies in the null space. Eigenvectors there are good to the
+# rounding error over the gap, so 1e-6 leaves room for gaps down to 1e-7.
+_INSIDE = 1.0 - 1e-6
+
+
+def scaled_eigenvalues(matrix: Array) -> Array:
+    """Eigenvalues, ascending, of a symmetric matrix scaled to a unit diagonal (Jacobi scaling)."""
+    scale = 1.0 / np.sqrt(np.diagonal(matrix))
+    return np.linalg.eigvalsh(matrix * scale[:, None] * scale)
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Eigenvalues of the Jacobi-scaled reduced camera system, ascending, and what they say.
+
+    Scaling makes metres, radians and near or far landmarks comparable; rank is that of H.
+    """
+
+    eigenvalues: Array
+    n_landmarks: int
+
+    @classmethod
+    def of(cls, reduced: ReducedSystem, held: Index | None = None) -> Spectrum:
+        """Spectrum of a reduced camera system without its ``held`` columns."""
+        S = reduced.matrix
+        if held is not None and len(held):
+            keep = np.setdiff1d(np.arange(len(S)), held)
+            S = S[np.ix_(keep, keep)]
+        return cls(scaled_eigenvalues(S), reduced.structure.n_landmarks)
+
+    @property
+    def gap(self) -> float:
+        """Smallest magnitude that is not zero to rounding over the largest that is.
+
+        It says how clear the null directions are. Without any the smallest eigenvalue is
+        compared with the rounding error of the largest.
+        """
+        return _gap(self.eigenvalues, _null(self.eigenvalues))
+
+    @property
+    def nullity(self) -> int:
+        """Number of directions without information."""
+        return int(np.count_nonzero(_null(self.eigenvalues)))
+
+    @property
+    def rank(self) -> int:
+        """Rank of H: the landmark blocks that were eliminated have full rank."""
+        return len(self.eigenvalues) - self.nullity + 3 * self.n_landmarks
+
+    @property
+    def condition(self) -> float:
+        """Largest over smallest eigenvalue; infinite where the matrix is singular to rounding."""
+        smallest, largest = float(self.eigenvalues[0]), float(self.eigenvalues[-1])
+        return largest / smallest if smallest > rounding(len(self.eigenvalues)) * largest else np.inf
+
+
+def _null(eigenvalues: Array) -> np.ndarray:
+    """Which eigenvalues of a scaled matrix are zero to rounding."""
+    magnitude = np.abs(eigenvalues)
+    # Of H scaled to a unit diagonal the largest is at least one; a Schur complement may be all rounding.
+    return magnitude < rounding(len(eigenvalues)) * max(float(magnitude.max()), 1.0)
+
+
+def _gap(eigenvalues: Array, null: np.ndarray) -> float:
+    magnitude = np.abs(eigenvalues)
+    if null.all():
+        return 0.0
+    return float(magnitude[~null].min() / np.max(magnitude[null], initial=np.finfo(float).eps))
+
+
+def condition_number(equations: NormalEquations) -> float:
+    """Condition of the Jacobi-scaled reduced camera system, any prior included; infinite where singular.
+
+    (The scaling is that of the solver's damping, so a large weight alone does not make it large.)
+    """
+    try:
+        reduced = equations.eliminate()
+    except SolverError:
+        return np.inf  # a landmark's own block is singular
+    if not np.all(np.diagonal(reduced.matrix) > 0.0):
+        return np.inf
+    return Spectrum.of(reduced).condition
+
+
+def require_regular(trace: float, n: int) -> None:
+    """DegenerateError where an (n, n) matrix, scaled to a unit diagonal, is singular to rounding.
+
+    ``trace`` is that of its inverse, which lies between one and n times 1 / (smallest eigenvalue).
+    A factorisation may succeed on a singular matrix, with pivots made of rounding errors.
+    """
+    if not trace * rounding(n) <= 1.0:
+        raise DegenerateError(
+            f"more is unobservable than the gauge: the scaled information is singular (below {n / trace:.0e})"
+        )
+
+
+class NullSpace:
+    """Null space of a symmetric matrix after Jacobi scaling, and which of it is explained so far."""
+
+    def __init__(self, matrix: Array, diagonal: Array) -> None:
+        # A parameter without any information keeps its unit.
+        self.scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        self.matrix = matrix / self.scale[:, None] / self.scale
+        self.eigenvalues, vectors = np.linalg.eigh(0.5 * (self.matrix + self.matrix.T))
+        self.largest = max(float(np.max(np.abs(self.eigenvalues))), 1.0)
+        null = _null(self.eigenvalues)
+        self.basis = vectors[:, null]
+        self.explained = np.zeros((len(matrix), 0))
+        self.gap = _gap(self.eigenvalues, null)
+
+    @property
+    def unexplained(self) -> int:
+        return self.basis.shape[1] - self.explained.shape[1]
+
+    def take(self, candidates: Array) -> Array:
+        """The part of the null space that lies in the span of ``candidates`` (n, c) and is new.
+
+        Returns it as scaled orthonormal columns, and counts it as explained.
+        """
+        if not self.unexplained or not candidates.size:
+            return self.explained[:, :0]
+        scaled = candidates * self.scale[:, None]
+        length = np.linalg.norm(scaled, axis=0)
+        scaled = scaled[:, length > 0.0] / length[length > 0.0]
+        span, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
+        span = span[:, sizes > 1e-8 * max(float(sizes.max(initial=0.0)), 1.0)]
+        left, cosines, _ = np.linalg.svd(self.basis.T @ span, full_matrices=False)
+        inside = self.basis @ left[:, cosines > _INSIDE]
+        inside -= self.explained @ (self.explained.T @ inside)
+        fresh, sizes, _ = np.linalg.svd(inside, full_matrices=False)
+        fresh = fresh[:, sizes > 1e-2]
+        self.explained = np.concatenate([self.explained, fresh], axis=1)
+        return fresh
+
+    def rest(self) -> Array:
+        """What nothing has explained, as scaled orthonormal columns."""
+        left = self.basis - self.explained @ (self.explained.T @ self.basis)
+        vectors, _, _ = np.linalg.svd(left, full_matrices=False)
+        return vectors[:, : self.unexplained]
+
+    def eigenvalue(self, directions: Array) -> float:
+        """Largest scaled information along scaled unit directions, next to the largest eigenvalue."""
+        information = np.einsum("ij,ij->j", directions, self.matrix @ directions)
+        return float(np.max(np.abs(information), initial=0.0)) / self.largest
