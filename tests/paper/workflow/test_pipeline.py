@@ -90,15 +90,15 @@ def test_second_run_has_nothing_to_do(smoke_project: Path) -> None:
 @pytest.mark.parametrize(
     ("module", "reruns", "stays"),
     [
-        ("simulation/landmarks.py", {"simulate"}, {"render"}),
-        ("frontend/pnp.py", {"front_end"}, {"simulate", "solve_simulation", "render"}),
+        ("vigauge/synthetic/landmarks.py", {"simulate"}, {"render"}),
+        ("vigauge/recordings/frontend/pnp.py", {"front_end"}, {"simulate", "solve_simulation", "render"}),
         (
-            "covariance.py",
+            "vigauge/covariance/transform.py",
             {"covariance_simulation", "covariance_sequence"},
             {"simulate", "render", "front_end", "prior_sweep"},
         ),
         (
-            "figures/style.py",
+            "vigauge_paper/figures/style.py",
             {"figure_prior", "figure_orbit"},
             {"simulate", "render", "front_end", "solve_simulation", "solve_sequence"},
         ),
@@ -108,7 +108,7 @@ def test_editing_a_module_reruns_what_uses_it_and_no_other_rule(
     scratch_project: Path, module: str, reruns: set[str], stays: set[str]
 ) -> None:
     """Stale results after an edit in src/, or a whole rerun for a change of a figure."""
-    with (scratch_project / "src" / "vigauge" / module).open("a", encoding="utf-8") as stream:
+    with (scratch_project / "src" / module).open("a", encoding="utf-8") as stream:
         stream.write("\n# edited\n")
     done = snakemake(scratch_project, "--dry-run")
     planned = planned_rules(done.stdout + done.stderr)
