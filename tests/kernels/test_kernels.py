@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vigauge
+from support import ROOT
 from vigauge.geometry import so3
 from vigauge.kernels import blas, damping, rotation
 
@@ -133,7 +134,7 @@ print(cost(problem, problem.initial))
 def test_the_process_that_compiles_computes_what_later_ones_do(tmp_path):
     """Catches kernels that call each other as functions of their own: while they are compiled the one that is
     called is another piece of machine code than the copy that is kept on disk, and last digits differ."""
-    tests = Path(__file__).parent
+    tests = ROOT / "tests"
     environment = dict(os.environ) | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(tests)}
     found = [
         subprocess.run(
@@ -151,7 +152,7 @@ def test_machine_code_on_disk_is_that_of_the_sources(tmp_path):
     package = Path(vigauge.__file__).parent
     copy = tmp_path / "vigauge"
     shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    tests = Path(__file__).parent
+    tests = ROOT / "tests"
     environment = dict(os.environ) | {
         "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
         "PYTHONPATH": os.pathsep.join([str(tmp_path), str(tests)]),

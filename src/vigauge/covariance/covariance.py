@@ -27,7 +27,7 @@ from ..model.problem import Problem
 from ..model.state import State
 from ..observability.orbit import open_directions, seen_along
 from ..observability.spectrum import Spectrum
-from ..solver.normal_equations import NormalEquations, ReducedSystem, coupling_blocks, linearise
+from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
 from ..sparsity.layout import Index
 from .foreign import inverse_on_complement
 from .held_inverse import HeldInverse
@@ -150,7 +150,7 @@ class Covariance:
         wanted = checked("landmarks", indices, self.state.n_landmarks)
         projection = self._projection(gauge, landmarks=True)
         s, n_motion = self.reduced.structure, 9 * self.state.n_keyframes
-        W, inverses = coupling_blocks(s, self.reduced.couplings), self.reduced.landmark_inverses()
+        W, inverses = self.equations.total_couplings(), self.reduced.landmark_inverses()
         first, end = s.pairs.begin[wanted], s.pairs.begin[wanted + 1]
         out = np.empty((len(wanted), 3, 3))
         # Landmarks with equally many pairs together, not too many at a time.

@@ -146,7 +146,6 @@ def accumulate(
     p_W: Array,
     R_WB: Array,
     v_W: Array,
-    chain: Array,
     column: Index,
     stride: int,
     storage: Array,
@@ -167,13 +166,6 @@ def accumulate(
         _error(i, j, dt[f], dp[f], dR[f], dv[f], gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
         rotation.right_jacobian_inverse(turn, inverse)
         _jacobian(dt[f], R_WB[i], R_WB[j], shift, change, inverse, J)
-        for side in range(2):
-            k = i if side == 0 else j
-            if k == 0:
-                for a in range(9):
-                    x, y, z = J[a, 9 * side + 3], J[a, 9 * side + 4], J[a, 9 * side + 5]
-                    for b in range(3):
-                        J[a, 9 * side + 3 + b] = x * chain[0, b] + y * chain[1, b] + z * chain[2, b]
         for a in range(3):
             J[a, 18], J[3 + a, 18], J[6 + a, 18] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
         W_J[:] = 0.0

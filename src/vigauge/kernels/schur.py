@@ -24,13 +24,12 @@ class Couplings(NamedTuple):
     """What the couplings W are made from.
 
     ``information`` (Q, 6 L) upper triangle of M of every cell; ``p_W`` (N, 3) and ``X_W`` (K, 3)
-    positions, m; ``chain`` (3, 3) J_l(dphi_0), Eq. (9).
+    positions, m.
     """
 
     information: Array
     p_W: Array
     X_W: Array
-    chain: Array
 
 
 # Rows of scratch: X (3), M (6); the batch's C (6), damping (3), g (3), F (6), F g (3), scaled
@@ -110,7 +109,6 @@ def _spread(
     at: int,
     information: Array,
     p_W: Array,
-    chain: Array,
     lanes: int,
     s: Array,
     out: Array,
@@ -138,14 +136,6 @@ def _spread(
         s[_W + 12 * L + i], s[_W + 13 * L + i], s[_W + 14 * L + i] = u, v, w
         s[_W + 15 * L + i], s[_W + 16 * L + i] = y * w - z * v, z * u - x * w
         s[_W + 17 * L + i] = x * v - y * u
-    if k == 0:
-        for b in range(3):
-            for i in range(lanes):
-                row = _W + (6 * b + 3) * L + i
-                u, v, w = s[row], s[row + L], s[row + 2 * L]
-                s[row] = chain[0, 0] * u + chain[1, 0] * v + chain[2, 0] * w
-                s[row + L] = chain[0, 1] * u + chain[1, 1] * v + chain[2, 1] * w
-                s[row + 2 * L] = chain[0, 2] * u + chain[1, 2] * v + chain[2, 2] * w
     t0, t1, t2, t3, t4, t5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(lanes):
         h0, h1, h2 = s[_HALF + i], s[_HALF + L + i], s[_HALF + 2 * L + i]
@@ -232,7 +222,7 @@ def eliminate(
     :func:`_factorise`, and returns its number. Entry (r, c) of the stored lower triangle is
     ``storage[c * stride + r - base]``.
     """
-    information, p_W, X_W, chain = W
+    information, p_W, X_W = W
     order, batch_begin, batch_cell, cell_keyframe, cell_row, _, _ = batches
     lanes = factor.shape[1] // 6
     widest = 0
@@ -272,7 +262,7 @@ def eliminate(
             out = spread[: rows * columns].reshape(rows, columns)
             for cell in range(first, end):
                 k, at = cell_keyframe[cell], 6 * (cell - first) if apart else 6 * cell_row[cell]
-                _spread(cell, k, at, information, p_W, chain, lanes, s, out, taken)
+                _spread(cell, k, at, information, p_W, lanes, s, out, taken)
             blas.add_gram(spread, rows, columns, low, high, product, size)
             if apart:
                 _scatter(product, own, taken, cell_keyframe, first, column, stride, base, storage, gradient)
@@ -296,19 +286,13 @@ def back_substitute(
 
     W^T (x_p, x_r) = -M (x_p - ray x x_r), and ray = X - p: what the keyframe gives is added up once.
     """
-    information, p_W, X_W, chain = W
+    information, p_W, X_W = W
     order, batch_begin, batch_cell, cell_keyframe, _, _, _ = batches
     lanes = factor.shape[1] // 6
     frame = np.empty((len(p_W), 6))
     for k in range(len(p_W)):
         at = column[k]
         r0, r1, r2 = motion[at + 3], motion[at + 4], motion[at + 5]
-        if k == 0:
-            r0, r1, r2 = (
-                chain[0, 0] * r0 + chain[0, 1] * r1 + chain[0, 2] * r2,
-                chain[1, 0] * r0 + chain[1, 1] * r1 + chain[1, 2] * r2,
-                chain[2, 0] * r0 + chain[2, 1] * r1 + chain[2, 2] * r2,
-            )
         x, y, z = p_W[k, 0], p_W[k, 1], p_W[k, 2]
         frame[k, 0] = motion[at] + y * r2 - z * r1
         frame[k, 1] = motion[at + 1] + z * r0 - x * r2
@@ -357,7 +341,7 @@ def couple(W: Couplings, factor: Array, batches: Batches, landmark: Array, out: 
     V (K, 3, d) are landmark columns, as many as a gauge has constraints. ``out`` and ``gram`` start
     as zeros.
     """
-    information, p_W, X_W, chain = W
+    information, p_W, X_W = W
     order, batch_begin, batch_cell, cell_keyframe, _, _, _ = batches
     lanes = factor.shape[1] // 6
     d = landmark.shape[2]
@@ -420,8 +404,3 @@ def couple(W: Couplings, factor: Array, batches: Batches, landmark: Array, out: 
     for c in range(d):
         for e in range(c):
             gram[c, e] = gram[e, c]
-    # Keyframe 0 by its total increment, Eq. (9).
-    for c in range(d):
-        t0, t1, t2 = out[1, 0, 0, c], out[1, 0, 1, c], out[1, 0, 2, c]
-        for a in range(3):
-            out[1, 0, a, c] = chain[0, a] * t0 + chain[1, a] * t1 + chain[2, a] * t2

@@ -72,6 +72,22 @@ def add_factor(
 
 
 @part
+def add_gradient(gradient: Array, at: Index, jacobian: Array, residual: Array) -> None:
+    """Add J^T r at distinct entries of a gradient."""
+    for i in range(len(at)):
+        for m in range(len(residual)):
+            gradient[at[i]] += jacobian[m, i] * residual[m]
+
+
+@part
+def add_squares(diagonal: Array, at: Index, jacobian: Array) -> None:
+    """Add the diagonal of J^T J at distinct entries of a diagonal."""
+    for i in range(len(at)):
+        for m in range(len(jacobian)):
+            diagonal[at[i]] += jacobian[m, i] * jacobian[m, i]
+
+
+@part
 def diagonal(storage: Array, stored: Index, stride: int, landmark: Array, out: Array) -> None:
     """Diagonal of H into ``out`` (9N + 3K,): of a stored lower triangle in the order of ``stored``, and of
     the landmarks' blocks (K, 3, 3)."""

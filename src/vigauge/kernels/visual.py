@@ -315,13 +315,10 @@ def left_multiply_transposed(A: Array, B: Array) -> None:
 
 
 @kernel
-def spread_poses(
-    pose: Array, chain: Array, column: Index, stride: int, storage: Array, gradient: Array
-) -> None:
+def spread_poses(pose: Array, column: Index, stride: int, storage: Array, gradient: Array) -> None:
     """Add the keyframes' accumulators (N, 27) to the stored lower triangle and to the gradient (9N,).
 
     ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
-    ``chain`` J_l(dphi_0), Eq. (9), turns derivatives by the rotation of keyframe 0 into those by dphi_0.
     """
     block = np.empty((6, 6))
     for k in range(pose.shape[0]):
@@ -335,15 +332,6 @@ def spread_poses(
         for a in range(3):
             for b in range(3):
                 block[3 + a, b] = s[6 + 3 * a + b]
-        g3, g4, g5 = s[24], s[25], s[26]
-        if k == 0:
-            block[3, 4], block[3, 5], block[4, 5] = block[4, 3], block[5, 3], block[5, 4]
-            left_multiply_transposed(chain, block[3:, :3])
-            left_multiply_transposed(chain, block[3:, 3:])
-            left_multiply_transposed(chain, block[3:, 3:].T)
-            g3 = chain[0, 0] * s[24] + chain[1, 0] * s[25] + chain[2, 0] * s[26]
-            g4 = chain[0, 1] * s[24] + chain[1, 1] * s[25] + chain[2, 1] * s[26]
-            g5 = chain[0, 2] * s[24] + chain[1, 2] * s[25] + chain[2, 2] * s[26]
         for b in range(6):
             start = (column[k] + b) * stride + column[k]
             for a in range(b, 6):
@@ -352,6 +340,6 @@ def spread_poses(
         gradient[at] += s[21]
         gradient[at + 1] += s[22]
         gradient[at + 2] += s[23]
-        gradient[at + 3] += g3
-        gradient[at + 4] += g4
-        gradient[at + 5] += g5
+        gradient[at + 3] += s[24]
+        gradient[at + 4] += s[25]
+        gradient[at + 5] += s[26]

@@ -158,10 +158,13 @@ class _Objective:
     def linearise(self, here: _Evaluation) -> NormalEquations:
         """Equations at a state; those made before are no longer valid."""
         self.spent = linearise(
-            self.problem, here.state, self.workers, R_CW=here.measurements.R_CW, spent=self.spent
+            self.problem,
+            here.state,
+            self.workers,
+            R_CW=here.measurements.R_CW,
+            spent=self.spent,
+            prior=here.prior,
         )
-        if here.prior is not None:
-            self.spent.add_factor(here.prior)
         return self.spent
 
 

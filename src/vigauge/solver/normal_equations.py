@@ -14,35 +14,37 @@ import numpy as np
 from ..errors import DegenerateError, SolverError
 from ..geometry import so3
 from ..geometry.so3 import Array
+from ..kernels import first_rotation as first_rotation_kernels
 from ..kernels import inertial as inertial_kernels
 from ..kernels import schur, symmetric, visual
 from ..kernels.lanes import LANES
 from ..kernels.schur import Couplings
+from ..model import first_rotation
 from ..model.factors import LinearFactor
 from ..model.problem import Problem
 from ..model.state import State
-from ..sparsity.layout import Index, Layout, by_keyframe
+from ..sparsity.layout import Index, by_keyframe
 from ..sparsity.rounding import rounding
 from ..sparsity.structure import Structure
-from .factors import add_factor, in_total_increments, linear_factors
-from .residuals import camera_rotations, first_rotation_chain, inertial_inputs
+from .factors import add_factor, linear_factors
+from .residuals import camera_rotations, inertial_inputs
 from .workers import ALONE, Workers
 
 
 def coupling_blocks(structure: Structure, W: Couplings) -> Array:
-    """(P, 6, 3) blocks W = -[M; hat(ray) M] of (position and rotation, landmark), one a pair."""
+    """(P, 6, 3) blocks W = -[M; hat(ray) M] of (position and left increment, landmark), one a pair."""
     pairs = structure.pairs
     M = W.information.reshape(-1, 6, LANES)[pairs.cell, :, pairs.lane][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
     ray = W.X_W[pairs.landmark] - W.p_W[pairs.keyframe]
-    out = np.concatenate([-M, -so3.hat(ray) @ M], axis=1)
-    first = pairs.keyframe == 0
-    out[first, 3:] = W.chain.T @ out[first, 3:]
-    return out
+    return np.concatenate([-M, -so3.hat(ray) @ M], axis=1)
 
 
 @dataclass(frozen=True)
 class NormalEquations:
     """H and g of one linearisation point.
+
+    The arrays are by left increments, Eq. (8). Whatever a method returns is by the package's
+    parameters, the first rotation as in Eq. (9), and holds the ``total`` factors too.
 
     Attributes
     ----------
@@ -50,6 +52,8 @@ class NormalEquations:
     couplings : what the blocks W are made from
     landmark : (K, 3, 3) blocks C
     motion_gradient, landmark_gradient : (9N,) in stored order and (K, 3), the parts of g = J^T r
+    chain : (3, 3) of :mod:`vigauge.model.first_rotation`
+    total : motion factors in total increments, to be added to A
     """
 
     structure: Structure
@@ -58,30 +62,57 @@ class NormalEquations:
     landmark: Array
     motion_gradient: Array
     landmark_gradient: Array
+    chain: Array
+    total: tuple[LinearFactor, ...] = ()
 
     @property
     def motion(self) -> Array:
-        """(9N, 9N) block A, dense, in the package's order."""
-        return self.structure.layout.dense(self.storage)
+        """(9N, 9N) block A, dense."""
+        storage, gradient = self.storage.copy(), self.motion_gradient.copy()
+        self._to_total(storage, gradient)
+        return self.structure.layout.dense(storage)
 
     @property
     def gradient(self) -> Array:
         """(9N + 3K,) g = J^T r."""
-        motion = self.motion_gradient[self.structure.layout.stored]
-        return np.concatenate([motion, self.landmark_gradient.ravel()])
+        layout = self.structure.layout
+        out = np.empty(layout.size + self.landmark_gradient.size)
+        motion = out[: layout.size]
+        np.take(self.motion_gradient, layout.stored, out=motion)
+        first_rotation_kernels.vector_to_total(motion, layout.size // 3, self.chain)
+        for factor in self.total:
+            symmetric.add_gradient(motion, factor.columns, factor.jacobian, factor.residual)
+        out[layout.size :] = self.landmark_gradient.ravel()
+        return out
 
     def diagonal(self) -> Array:
         """(9N + 3K,) diagonal of H."""
         layout = self.structure.layout
         out = np.empty(layout.size + 3 * len(self.landmark))
         symmetric.diagonal(self.storage, layout.stored, layout.stride, self.landmark, out)
+        first_rotation_kernels.diagonal_to_total(
+            self.storage, layout.first_rotation, layout.stride, self.chain, out, layout.size // 3
+        )
+        for factor in self.total:
+            symmetric.add_squares(out, factor.columns, factor.jacobian)
         return out
+
+    def _to_total(self, storage: Array, gradient: Array) -> None:
+        """Take a stored system and its gradient to total increments, add the ``total`` factors; in place."""
+        layout = self.structure.layout
+        at = layout.first_rotation
+        first_rotation_kernels.system_to_total(
+            storage, at, layout.stride, layout.half_bandwidth, layout.size, self.chain
+        )
+        first_rotation_kernels.vector_to_total(gradient, at, self.chain)
+        for factor in self.total:
+            add_factor(factor, layout, storage, gradient)
 
     def times(self, vector: Array) -> Array:
         """H x of a vector x (9N + 3K,), from the blocks."""
         s = self.structure
         n_motion = s.layout.size
-        W, pairs = coupling_blocks(s, self.couplings), s.pairs
+        W, pairs = self.total_couplings(), s.pairs
         landmark = vector[n_motion:].reshape(-1, 3)
         out = self.motion @ vector[:n_motion]
         pose = vector[s.columns[:, :6]]
@@ -91,15 +122,20 @@ class NormalEquations:
         np.add.at(across, pairs.landmark, np.einsum("pij,pi->pj", W, pose[pairs.keyframe]))
         return np.concatenate([out, across.ravel()])
 
-    def with_factor(self, factor: LinearFactor) -> NormalEquations:
-        """These equations and a motion factor that is in total increments."""
-        out = replace(self, storage=self.storage.copy(), motion_gradient=self.motion_gradient.copy())
-        out.add_factor(factor)
+    def total_couplings(self) -> Array:
+        """(P, 6, 3) blocks W by the package's parameters, one a pair."""
+        out, first = coupling_blocks(self.structure, self.couplings), self.structure.pairs.keyframe == 0
+        out[first, 3:] = self.chain.T @ out[first, 3:]
         return out
 
-    def add_factor(self, factor: LinearFactor) -> None:
-        """:meth:`with_factor` in place."""
-        add_factor(factor, self.structure.layout, self.storage, self.motion_gradient)
+    def with_factor(self, factor: LinearFactor) -> NormalEquations:
+        """These equations and a motion factor."""
+        self.structure.layout.require_near(self.structure.layout.stored[factor.columns])
+        if factor.total:
+            return replace(self, total=(*self.total, factor))
+        out = replace(self, storage=self.storage.copy(), motion_gradient=self.motion_gradient.copy())
+        add_factor(factor, self.structure.layout, out.storage, out.motion_gradient)
+        return out
 
     def eliminate(self, damping: Array | None = None, workers: Workers = ALONE) -> ReducedSystem:
         """Schur complement onto the motion of H + diag(damping); damping is (9N + 3K,).
@@ -112,7 +148,6 @@ class NormalEquations:
         if damping is None:
             landmark_damping: Array = np.zeros((s.n_landmarks, 3))
         else:
-            symmetric.add_diagonal(storage, layout.stored, layout.stride, damping)
             landmark_damping = damping[layout.size :].reshape(-1, 3)
         factor, half_gradient = np.empty((s.n_batches, 6 * LANES)), np.empty((s.n_batches, 3 * LANES))
 
@@ -159,7 +194,10 @@ class NormalEquations:
             )
         if not regular > 0.0:
             raise SolverError("a landmark's block of H is not positive definite")
-        return ReducedSystem(s, storage, gradient, self.couplings, factor, half_gradient)
+        self._to_total(storage, gradient)
+        if damping is not None:
+            symmetric.add_diagonal(storage, layout.stored, layout.stride, damping)
+        return ReducedSystem(s, storage, gradient, self.couplings, factor, half_gradient, self.chain)
 
     def dense(self) -> Array:
         """(9N + 3K, 9N + 3K) H itself: for small problems, tests and pictures."""
@@ -169,7 +207,7 @@ class NormalEquations:
         H[:n_motion, :n_motion] = self.motion
         rows = s.columns[s.pairs.keyframe, :6][:, :, None]
         columns = (n_motion + 3 * s.pairs.landmark[:, None] + np.arange(3))[:, None, :]
-        W = coupling_blocks(s, self.couplings)
+        W = self.total_couplings()
         H[rows, columns] = W
         H[columns, rows] = W
         index = n_motion + np.arange(3 * s.n_landmarks).reshape(-1, 3)
@@ -183,7 +221,8 @@ class ReducedSystem:
 
     ``storage`` S, as ``structure.layout`` stores it; ``motion_gradient`` (9N,) b in stored order;
     ``couplings`` W; ``factor`` (B, 6 LANES) F, lower triangular by columns with F^T F = C^-1, and
-    ``half_gradient`` (B, 3 LANES) F g_landmark, by batches of landmarks.
+    ``half_gradient`` (B, 3 LANES) F g_landmark, by batches of landmarks. S and b are by the package's
+    parameters, W by left increments; ``chain`` as in :class:`NormalEquations`.
     """
 
     structure: Structure
@@ -192,6 +231,7 @@ class ReducedSystem:
     couplings: Couplings
     factor: Array
     half_gradient: Array
+    chain: Array
 
     @property
     def matrix(self) -> Array:
@@ -218,6 +258,8 @@ class ReducedSystem:
         motion = layout.factorise(storage).solve(right)
         step = np.empty(layout.size + 3 * s.n_landmarks)
         step[: layout.size] = motion[layout.stored]
+        first = slice(layout.first_rotation, layout.first_rotation + 3)
+        motion[first] = self.chain @ motion[first]
         schur.back_substitute(
             self.couplings,
             self.factor,
@@ -234,6 +276,7 @@ class ReducedSystem:
         s, d = self.structure, landmark.shape[1]
         out, gram = np.zeros((3, s.n_keyframes, 3, d)), np.zeros((d, d))
         schur.couple(self.couplings, self.factor, s.batches, landmark.reshape(-1, 3, d), out, gram)
+        out[1, 0] = self.chain.T @ out[1, 0]
         return out.reshape(-1, d), gram
 
     def landmark_inverses(self) -> Array:
@@ -247,7 +290,8 @@ class ReducedSystem:
     def through_landmarks(self, landmark: Array, motion: Array) -> Array:
         """C^-1 (V - W^T Y) of landmark columns V (3K, c) and motion columns Y (9N, c): (3K, c)."""
         s = self.structure
-        pose = by_keyframe(motion, s.n_keyframes)[s.pairs.keyframe, :6]
+        left = first_rotation.to_left(motion, s.n_keyframes, self.chain)
+        pose = by_keyframe(left, s.n_keyframes)[s.pairs.keyframe, :6]
         W_T_Y = coupling_blocks(s, self.couplings).swapaxes(1, 2) @ pose
         coupled = np.add.reduceat(W_T_Y, s.pairs.begin[:-1], axis=0)
         step = self.landmark_inverses() @ (landmark.reshape(coupled.shape) - coupled)
@@ -273,12 +317,13 @@ def linearise(
     *,
     R_CW: Array | None = None,
     spent: NormalEquations | None = None,
+    prior: LinearFactor | None = None,
 ) -> NormalEquations:
     """H = J^T J and g = J^T r of Eq. (1) at a state, without any gauge.
 
-    ``R_CW`` where it is known, see :func:`vigauge.solver.residuals.camera_rotations`. ``spent`` equations
-    of the same problem give up their large arrays, which are overwritten: fresh memory costs as
-    much as the sums that fill it.
+    ``prior``, in total increments, is added to the factors of the problem. ``R_CW`` where it is known, see
+    :func:`vigauge.solver.residuals.camera_rotations`. ``spent`` equations of the same problem give up their
+    large arrays, which are overwritten: fresh memory costs as much as the sums that fill it.
     """
     s = problem.structure
     layout, cameras = s.layout, problem.camera_arrays
@@ -309,26 +354,35 @@ def linearise(
     shares = list(workers.map(accumulate, s.pieces))
     pose = sum(shares[1:], shares[0]) if shares else np.zeros((s.n_keyframes, visual.POSE_ENTRIES))
     storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
-    chain = first_rotation_chain(state)
-    visual.spread_poses(pose, chain, layout.column, layout.stride, storage, gradient)
-    _add_inertial(problem, state, layout, chain, storage, gradient)
-    for factor in linear_factors(problem, state):
-        add_factor(in_total_increments(factor, state), layout, storage, gradient)
-    couplings = Couplings(information, state.p_W, state.X_W, chain)
-    return NormalEquations(s, storage, couplings, landmark, gradient, landmark_gradient)
-
-
-def _add_inertial(
-    problem: Problem, state: State, layout: Layout, chain: Array, storage: Array, gradient: Array
-) -> None:
+    visual.spread_poses(pose, layout.column, layout.stride, storage, gradient)
     inertial_kernels.accumulate(
-        *inertial_inputs(problem, state), chain, layout.column, layout.stride, storage, gradient
+        *inertial_inputs(problem, state), layout.column, layout.stride, storage, gradient
     )
+    factors = linear_factors(problem, state)
+    for factor in factors:
+        if not factor.total:
+            add_factor(factor, layout, storage, gradient)
+    total = tuple(factor for factor in factors if factor.total)
+    if prior is not None:
+        total = (*total, prior)
+    couplings = Couplings(information, state.p_W, state.X_W)
+    chain = first_rotation.chain(state)
+    return NormalEquations(s, storage, couplings, landmark, gradient, landmark_gradient, chain, total)
 
 
 def inertial_information(problem: Problem, state: State) -> Array:
     """(9N, 9N) share of the inertial factors in H; they do not see the landmarks."""
     layout = problem.structure.layout
     storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
-    _add_inertial(problem, state, layout, first_rotation_chain(state), storage, gradient)
+    inertial_kernels.accumulate(
+        *inertial_inputs(problem, state), layout.column, layout.stride, storage, gradient
+    )
+    first_rotation_kernels.system_to_total(
+        storage,
+        layout.first_rotation,
+        layout.stride,
+        layout.half_bandwidth,
+        layout.size,
+        first_rotation.chain(state),
+    )
     return layout.dense(storage)

@@ -1,9 +1,7 @@
 """Whitened residuals of Eq. (1) at a state, over all measurements.
 
 Their Jacobians are never stored: :mod:`vigauge.solver.normal_equations` sums them into blocks.
-Rotation derivatives are with respect to left increments in the world frame, Eq. (8);
-``first_rotation_chain`` turns the one of keyframe 0 into a derivative by the total
-increment of Eq. (9).
+Rotation derivatives are with respect to left increments in the world frame, Eq. (8).
 """
 
 from __future__ import annotations
@@ -14,18 +12,10 @@ import numpy as np
 
 from ..geometry.so3 import Array
 from ..kernels import inertial as inertial_kernels
-from ..kernels import rotation
 from ..kernels import visual as visual_kernels
 from ..model.problem import Problem
 from ..model.state import State
 from ..sparsity.layout import Index
-
-
-def first_rotation_chain(state: State) -> Array:
-    """(3, 3) d(left increment of R_0) / d(dphi_0) = J_l(dphi_0), from Eq. (9)."""
-    chain = np.empty((3, 3))
-    rotation.left_jacobian(state.dphi_0, chain)
-    return chain
 
 
 def camera_rotations(problem: Problem, state: State) -> Array:

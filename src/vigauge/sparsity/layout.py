@@ -137,6 +137,11 @@ class Layout:
         return 9 * self.place
 
     @cached_property
+    def first_rotation(self) -> int:
+        """Stored column where the first keyframe's rotation begins."""
+        return int(self.column[0]) + 3
+
+    @cached_property
     def columns(self) -> Index:
         """(N, 9) columns of each keyframe in the package's order."""
         return motion_columns(len(self.place))

@@ -44,7 +44,9 @@ def test_messages_that_the_page_explains_exist() -> None:
     """Words that no check says any more."""
     page = (ROOT / "docs" / "your_own_data.md").read_text("utf-8")
     table = page.split("| it says | it means |")[1].split("\n\n")[0]
-    source = "".join(path.read_text("utf-8") for path in (ROOT / "src/vigauge/recordings/checks").glob("*.py"))
+    source = "".join(
+        path.read_text("utf-8") for path in (ROOT / "src/vigauge/recordings/checks").glob("*.py")
+    )
     source = re.sub(r'"\s*\n\s*f?"', "", source)
     for quoted in re.findall(r"^\| `(.+?)` \|", table, flags=re.MULTILINE):
         pieces = [piece.strip() for piece in re.split(r"\d+(?:\.\d+)?|\.\.\.|milliseconds|imu0", quoted)]

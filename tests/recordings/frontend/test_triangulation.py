@@ -188,6 +188,11 @@ def test_files_can_be_written_after_the_front_end_was_imported(writer: str, tmp_
 
 def test_zlib_comes_before_pycolmap_in_the_source() -> None:
     """An import sorter that puts pycolmap first; other imports may hide it from the test above."""
-    text = Path(vigauge.__file__).with_name("recordings").joinpath("frontend", "triangulation.py").read_text("utf-8")
+    text = (
+        Path(vigauge.__file__)
+        .with_name("recordings")
+        .joinpath("frontend", "triangulation.py")
+        .read_text("utf-8")
+    )
     imports = [line.split()[1] for line in text.splitlines() if line.startswith("import ")]
     assert imports.index("zlib") < imports.index("pycolmap")

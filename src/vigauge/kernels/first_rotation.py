@@ -1,0 +1,58 @@
+"""From left increments to the total increment of the first rotation, Eq. (9), on stored systems."""
+
+from __future__ import annotations
+
+from ..geometry.so3 import Array
+from .compiled import part
+from .sizes import KEYFRAME
+
+
+@part
+def vector_to_total(vector: Array, at: int, chain: Array) -> None:
+    """v <- chain^T v at the three entries from ``at`` on, in place."""
+    x, y, z = vector[at], vector[at + 1], vector[at + 2]
+    for a in range(3):
+        vector[at + a] = chain[0, a] * x + chain[1, a] * y + chain[2, a] * z
+
+
+@part
+def system_to_total(
+    storage: Array, at: int, stride: int, half_bandwidth: int, size: int, chain: Array
+) -> None:
+    """T^T S T of a stored lower triangle in place; T is the identity with ``chain`` at ``at``.. .
+
+    Entry (r, c) is ``storage[c * stride + r]``. Blocks of keyframes that the band does not reach are zero.
+    """
+    own = at - at % KEYFRAME
+    reach = (half_bandwidth + 1) // KEYFRAME * KEYFRAME
+    for c in range(max(own + KEYFRAME - reach, 0), at):
+        start = c * stride + at
+        x, y, z = storage[start], storage[start + 1], storage[start + 2]
+        for a in range(3):
+            storage[start + a] = chain[0, a] * x + chain[1, a] * y + chain[2, a] * z
+    for r in range(at + 3, min(own + reach, size)):
+        first, second, third = at * stride + r, (at + 1) * stride + r, (at + 2) * stride + r
+        x, y, z = storage[first], storage[second], storage[third]
+        storage[first] = chain[0, 0] * x + chain[1, 0] * y + chain[2, 0] * z
+        storage[second] = chain[0, 1] * x + chain[1, 1] * y + chain[2, 1] * z
+        storage[third] = chain[0, 2] * x + chain[1, 2] * y + chain[2, 2] * z
+    start = at * (stride + 1)
+    s00, s10, s20 = storage[start], storage[start + 1], storage[start + 2]
+    s11, s21, s22 = storage[start + stride + 1], storage[start + stride + 2], storage[start + 2 * stride + 2]
+    for b in range(3):
+        x, y, z = chain[0, b], chain[1, b], chain[2, b]
+        u, v, w = s00 * x + s10 * y + s20 * z, s10 * x + s11 * y + s21 * z, s20 * x + s21 * y + s22 * z
+        for a in range(b, 3):
+            storage[start + b * stride + a] = chain[0, a] * u + chain[1, a] * v + chain[2, a] * w
+
+
+@part
+def diagonal_to_total(storage: Array, at: int, stride: int, chain: Array, out: Array, row: int) -> None:
+    """The three diagonal entries of :func:`system_to_total`'s result, into ``out`` from ``row`` on."""
+    start = at * (stride + 1)
+    s00, s10, s20 = storage[start], storage[start + 1], storage[start + 2]
+    s11, s21, s22 = storage[start + stride + 1], storage[start + stride + 2], storage[start + 2 * stride + 2]
+    for b in range(3):
+        x, y, z = chain[0, b], chain[1, b], chain[2, b]
+        u, v, w = s00 * x + s10 * y + s20 * z, s10 * x + s11 * y + s21 * z, s20 * x + s21 * y + s22 * z
+        out[row + b] = x * u + y * v + z * w

@@ -1,0 +1,7 @@
+"""Sizes of blocks of parameters, named once."""
+
+# Position and rotation of a keyframe, which images see.
+POSE = 6
+# All of a keyframe: position, rotation, velocity.
+KEYFRAME = 9
+LANDMARK = 3
