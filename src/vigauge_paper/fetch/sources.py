@@ -1,9 +1,9 @@
 """The table of addresses, ``data/euroc_sources.csv``: the only place that names a host.
 
-One row a file; several rows of a sequence are mirrors, tried in their order. An address
-may end in ``#path/inside.zip``: the sequence's zip is then that member of a bundle, and
-``bytes`` and ``sha256`` are the member's. A row with the bundle's own address, without
-``#``, tells those of the bundle. Both may be empty where nobody has published them.
+A row describes one file. Several rows of a sequence are mirrors; they are tried in order. An
+address may end in ``#path/inside.zip``: the sequence's zip is then that member of a bundle, and
+``bytes`` and ``sha256`` describe the member. The row with the same address and no ``#`` describes
+the bundle. Both columns may be empty where nobody has published the values.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from vigauge.errors import DataError
 
 COLUMNS = ("sequence", "host", "url", "bytes", "sha256", "note")
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*")
-_SHA256 = re.compile(r"[0-9a-f]{64}")
-_BYTES = re.compile(r"[1-9][0-9]{0,15}")
+_SHA256 = re.compile(r"([0-9a-f]{64})?")
+_BYTES = re.compile(r"([1-9][0-9]{0,15})?")
 
 
 @dataclass(frozen=True)
 class Source:
-    """One row: where the zip of a sequence (or a bundle) is.
+    """One row: the address of a sequence's zip, or of a bundle.
 
     Attributes
     ----------
     name : sequence or bundle
-    host : in words
+    host : name of the host, for messages
     url : http or https address of a file, without the part after ``#``
-    member : path inside the bundle at ``url``, or None where ``url`` is the zip itself
-    size : bytes of the member, or of the file without one; None where unknown
-    sha256 : of the same, lower-case hexadecimal; None where unknown
+    member : path inside the bundle at ``url``; None where ``url`` is the zip itself
+    size : bytes of the zip; None where unknown
+    sha256 : of the zip, lower-case hexadecimal; None where unknown
     note : for people
     """
 
@@ -50,7 +50,7 @@ class Source:
 
 
 def read_sources(path: Path) -> list[Source]:
-    """All rows of the table, in order; DataError names row, field and rule of one that is wrong."""
+    """All rows of the table, in order; DataError names the row, field and rule of a wrong one."""
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.DictReader(stream, strict=True)
@@ -62,7 +62,7 @@ def read_sources(path: Path) -> list[Source]:
 
 
 def sources_of(sources: list[Source], sequence: str, path: Path) -> list[Source]:
-    """The rows of one sequence; DataError where ``path`` has none."""
+    """The rows of one sequence; DataError where the table ``path`` has none."""
     found = [source for source in sources if source.name == sequence]
     if not found:
         known = ", ".join(dict.fromkeys(source.name for source in sources))
@@ -73,29 +73,27 @@ def sources_of(sources: list[Source], sequence: str, path: Path) -> list[Source]
 
 
 def bundle_of(sources: list[Source], source: Source) -> Source | None:
-    """The row that tells size and checksum of the bundle that ``source`` is a member of."""
+    """The row of the bundle that ``source`` is a member of, if the table has it."""
     return next((row for row in sources if row.url == source.url and row.member is None), None)
 
 
 def _source(path: Path, line: int, row: dict[str, str]) -> Source:
-    def require(holds: object, field: str, rule: str) -> None:
-        if not holds:
-            raise DataError(path, rule, row=line, field=field, value=row[field])
-
     if None in row or None in row.values():
         raise DataError(path, f"must have {len(COLUMNS)} columns", row=line)
-    require(_NAME.fullmatch(row["sequence"]), "sequence", "must be a plain name")
     try:
         url, member = urldefrag(row["url"])
         parts = urlsplit(url)
-    except ValueError as error:
-        rule = f"must be an address: {error}"
-        raise DataError(path, rule, row=line, field="url", value=row["url"]) from error
-    require(parts.scheme in ("http", "https") and parts.hostname, "url", "must be an http or https address")
-    require(
-        not row["bytes"] or _BYTES.fullmatch(row["bytes"]), "bytes", "must be a positive integer or empty"
-    )
-    require(not row["sha256"] or _SHA256.fullmatch(row["sha256"]), "sha256", "must be 64 hex digits or empty")
+        is_address = parts.scheme in ("http", "https") and bool(parts.hostname)
+    except ValueError:
+        is_address = False
+    for field, holds, rule in (
+        ("sequence", _NAME.fullmatch(row["sequence"]), "must be a plain name"),
+        ("url", is_address, "must be an http or https address"),
+        ("bytes", _BYTES.fullmatch(row["bytes"]), "must be a positive integer or empty"),
+        ("sha256", _SHA256.fullmatch(row["sha256"]), "must be 64 hex digits or empty"),
+    ):
+        if not holds:
+            raise DataError(path, rule, row=line, field=field, value=row[field])
     return Source(
         name=row["sequence"],
         host=row["host"],
