@@ -1,11 +1,8 @@
-"""Stamps: what a result was made from, written beside it, and the refusal of mixtures.
+"""Stamps: what a result was made from, written beside it; results that do not belong together are refused.
 
-A stamp belongs to one job. It holds the sections of the configuration that the job depends
-on (and no others, so that an edit elsewhere leaves it valid), the labels of this job alone,
-the code, package versions, seeds, the digests of what it wrote, and the identities of the
-stamps of what it read. Results belong together if every section of the configuration that
-two of them depend on is the same, if all of one stage come from the same code, and if each
-was made from the inputs that are there.
+A stamp belongs to one job. Two stamps agree if they have the same value for every section of
+the configuration that both depend on, if those of one stage come from the same code and
+packages, and if each was made from the inputs that are there.
 """
 
 from __future__ import annotations
@@ -14,7 +11,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,14 +28,12 @@ class Stamp:
     stage : name of the command
     version, code : of the package; sha256 of the source files that the stage loaded
     packages : versions of Python and of the packages that numbers depend on
-    config : sections of the configuration, by key; the same key has one value in all results
-    config_sha256 : of ``config``
+    config : the sections of the configuration that the job depends on, and no others
     labels : settings of this job alone (configuration, sequence, noise model, ...)
     seeds : random seeds of the job and of everything that it was made from
-    inputs : stamp file, relative to this one's folder, to its identity
-    sources : files from outside the workflow, by name, to their sha256
-    outputs : files made, relative to the stamp's folder, to their sha256
-    timings : likewise, of files that differ from run to run
+    inputs : identities of the stamps of what it read, by file relative to this stamp's folder
+    sources : sha256 of files from outside the workflow, by name
+    outputs, timings : sha256 of files made, by file; ``timings`` differ from run to run
     """
 
     stage: str
@@ -46,7 +41,6 @@ class Stamp:
     code: str
     packages: Mapping[str, str]
     config: Mapping[str, Any]
-    config_sha256: str
     labels: Mapping[str, Any]
     seeds: tuple[int, ...]
     inputs: Mapping[str, str]
@@ -56,10 +50,8 @@ class Stamp:
 
     @property
     def identity(self) -> str:
-        """sha256 of everything but the timings: two runs of the same give the same."""
-        content = asdict(self)
-        del content["timings"]
-        return digest_of(content)
+        """sha256 of everything but the timings: a repeated run has the same identity."""
+        return digest_of(asdict(self) | {"timings": None})
 
 
 def digest_of(value: object) -> str:
@@ -68,10 +60,7 @@ def digest_of(value: object) -> str:
 
 
 def digest_file(path: Path) -> str:
-    """sha256 of a file, or of the names and contents of a folder, hidden files apart.
-
-    (Snakemake keeps the time of a folder in a hidden file of it.)
-    """
+    """sha256 of a file, or of the names and contents of a folder without Snakemake's hidden files."""
     if not path.is_dir():
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -95,20 +84,18 @@ def write_stamp(path: Path, stamp: Stamp) -> None:
 
 
 def read_stamp(path: Path) -> Stamp:
-    """Read what :func:`write_stamp` wrote; DataError where it is missing or none."""
+    """Read what :func:`write_stamp` wrote; DataError where it is missing or no stamp."""
     if not path.is_file():
         raise DataError(path, "stamp of the result must exist; delete the result and make it again")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        names = {field.name for field in fields(Stamp)}
-        if not isinstance(content, dict) or set(content) != names:
-            raise ValueError("it has other fields")
-        for name in ("config", "inputs", "outputs", "timings", "packages", "labels", "sources"):
+        stamp = Stamp(**content | {"seeds": tuple(content["seeds"])})
+        for name in ("config", "inputs", "outputs", "timings"):
             if not isinstance(content[name], dict):
-                raise ValueError(f"{name} is no object")
-        return Stamp(**content | {"seeds": tuple(content["seeds"])})
-    except (ValueError, TypeError) as error:
+                raise TypeError(f"{name} is no object")
+    except (ValueError, TypeError, KeyError) as error:
         raise DataError(path, f"must be the stamp of a result: {error}") from error
+    return stamp
 
 
 def require_coherent(paths: Sequence[Path]) -> dict[Path, Stamp]:
@@ -117,66 +104,49 @@ def require_coherent(paths: Sequence[Path]) -> dict[Path, Stamp]:
     Raises
     ------
     MixtureError
-        where a result is not the one that was stamped, was made from other inputs than the ones
-        that are there, or where two were made under different configuration, code or packages
+        where a result was changed after it was stamped, where its inputs were made anew, or where
+        two were made under different configuration, code or packages
     DataError
         where a stamp is missing or unreadable
     """
     stamps: dict[Path, Stamp] = {}
-    for path in map(Path, paths):
+    for path in paths:
         _collect(path, stamps)
-        _require_outputs(path, stamps[path])
-    first: dict[tuple[str, str], Path] = {}
+        for name, digest in {**stamps[path].outputs, **stamps[path].timings}.items():
+            file = path.parent / name
+            if file.exists() and digest_file(file) != digest:
+                rule = f"is not the result that {path} was written for; delete it and make it again"
+                raise MixtureError(file, rule)
+    first: dict[tuple[str, str], tuple[Path, Any]] = {}
     for path, stamp in stamps.items():
-        for name, value in _shared(stamp).items():
-            other = first.setdefault(name, path)
-            if _shared(stamps[other])[name] != value:
-                raise _mixture(path, other, name[1], value, _shared(stamps[other])[name])
+        made = {"version": stamp.version, "code": stamp.code, "packages": stamp.packages}
+        shared = {("configuration", key): value for key, value in stamp.config.items()}
+        for key, value in (shared | {(stamp.stage, key): value for key, value in made.items()}).items():
+            other, expected = first.setdefault(key, (path, value))
+            if value != expected:
+                raise _mixture(path, other, key[1], value, expected)
     return stamps
 
 
 def _collect(path: Path, stamps: dict[Path, Stamp]) -> None:
-    """Read a stamp and those of its inputs; an input that is no longer there cannot disagree."""
+    """Read a stamp and those of its inputs; intermediate results may have been deleted."""
     if path in stamps:
         return
     stamp = stamps[path] = read_stamp(path)
     for name, identity in stamp.inputs.items():
         source = Path(os.path.normpath(path.parent / name))
-        if not source.is_file():
-            continue
-        _collect(source, stamps)
-        if stamps[source].identity != identity:
-            raise MixtureError(
-                path,
-                f"was made from another result than {source}; delete what lies beside it and make it again",
-            )
-
-
-def _require_outputs(path: Path, stamp: Stamp) -> None:
-    for name, digest in {**stamp.outputs, **stamp.timings}.items():
-        file = path.parent / name
-        if file.exists() and digest_file(file) != digest:
-            raise MixtureError(
-                file, f"is not the result that {path} was written for; delete it and make it again"
-            )
-
-
-def _shared(stamp: Stamp) -> dict[tuple[str, str], Any]:
-    """What must agree with other stamps: sections of the configuration; code and packages by stage."""
-    config = {("configuration", key): value for key, value in stamp.config.items()}
-    made = {"version": stamp.version, "code": stamp.code, "packages": dict(stamp.packages)}
-    return config | {(stamp.stage, key): value for key, value in made.items()}
+        if source.is_file():
+            _collect(source, stamps)
+            if stamps[source].identity != identity:
+                repair = "delete what lies beside it and make it again"
+                raise MixtureError(path, f"was made from another result than {source}; {repair}")
 
 
 def _mixture(path: Path, other: Path, key: str, value: Any, expected: Any) -> MixtureError:
-    """Which key differs, as deep as it goes, and what to do."""
+    """Names the innermost key that differs, and what to do."""
     while isinstance(value, dict) and isinstance(expected, dict):
         name = next(k for k in sorted({*value, *expected}) if value.get(k) != expected.get(k))
         key, value, expected = f"{key}.{name}", value.get(name), expected.get(name)
-    return MixtureError(
-        path,
-        f"must be that of {other}, which has {expected!r}; results of two runs are mixed, delete one and make"
-        " it again",
-        field=key,
-        value=value,
-    )
+    repair = "results of two runs are mixed, delete one and make it again"
+    rule = f"must be that of {other}, which has {expected!r}; {repair}"
+    return MixtureError(path, rule, field=key, value=value)

@@ -20,7 +20,6 @@ from vigauge_paper.run.provenance import (
     Stamp,
     code_digest,
     digest_file,
-    digest_of,
     digests,
     require_coherent,
     write_stamp,
@@ -36,10 +35,10 @@ _NUMERICAL = ("python", "numpy", "scipy", "opencv-python-headless", "pycolmap")
 class Stamped:
     """What the stamp of a stage records; names are those of its options.
 
-    ``config``: option to the key of the configuration that it carries, one value for all
-    results; ``outputs`` and ``timings``: options that name files made, the latter different from
-    run to run. ``sources`` lists files from outside the workflow, ``files`` further outputs.
-    Whatever else is no path is a label of this job alone.
+    ``config`` maps an option to the key of the configuration that it carries. ``outputs`` and
+    ``timings`` are options that name files made; timings differ from run to run. ``sources``
+    lists files from outside the workflow, ``files`` further outputs. Every other option that
+    is no path becomes a label of this job.
     """
 
     config: Mapping[str, str]
@@ -50,7 +49,7 @@ class Stamped:
 
 
 def _is_label(value: object) -> bool:
-    """Whether an option's value is a setting and not a place: paths, also named ones, belong to a machine."""
+    """Whether an option's value is a setting: paths, also named ones, differ between machines."""
     if isinstance(value, (list, tuple)):
         return all(_is_label(part) for part in value)
     return not isinstance(value, Path)
@@ -74,7 +73,6 @@ def stamp_of(
         code=code_digest(Path(module.__file__) for module in modules if module.__file__),
         packages={name: version for name, version in versions().items() if name in _NUMERICAL},
         config=config,
-        config_sha256=digest_of(config),
         labels=labels,
         seeds=tuple(sorted(seeds)),
         inputs={
@@ -109,11 +107,7 @@ def parser(description: str | None) -> argparse.ArgumentParser:
     """An argument parser with the flags that all stages share."""
     out = command.parser(description)
     out.add_argument(
-        "--stamps",
-        type=Path,
-        nargs="*",
-        default=[],
-        help="stamps of what is read, refused where mixed",
+        "--stamps", type=Path, nargs="*", default=[], help="stamps of the inputs; mixtures are refused"
     )
     return out
 
@@ -123,10 +117,10 @@ def run(
     arguments: argparse.ArgumentParser,
     stamped: Stamped | None = None,
 ) -> None:
-    """Run a stage as :func:`vigauge.cli.command.run` does, between two looks at stamps.
+    """Run a stage with :func:`vigauge.cli.command.run`.
 
-    Results that ``--stamps`` names are refused where they do not belong together; with
-    ``stamped``, ``--stamp`` writes the stamp of what this stage made.
+    Before it, inputs whose ``--stamps`` do not belong together are refused. After it, with
+    ``stamped``, the stamp of what this stage made is written to ``--stamp``.
     """
     if stamped is not None:
         arguments.add_argument("--stamp", type=Path, help="output: what the results were made from")
