@@ -1,54 +1,96 @@
-"""vigauge: gauge freedom in visual-inertial estimation, and covariances in any gauge.
+"""Covariance of visual-inertial estimates in any gauge, and fast visual-inertial least squares.
 
-The names below are the public library; each is loaded when first asked for, so that
-importing one part does not import all.
+Where to start: ``vg.solve(vg.example_problem(), vg.FreeGauge())``. The public names:
+
 """
-
-from __future__ import annotations
 
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
 
+# Public names: the module of each, and what it is. A name is loaded when first asked for, so that `import
+# vigauge` costs nothing. Type checkers read the same names in __init__.pyi.
 _PUBLIC = {
-    "State": "model.state",
-    "Camera": "geometry.camera",
-    "ImuNoise": "model.imu",
-    "ImuSamples": "model.imu",
-    "preintegrate": "model.imu",
-    "Problem": "model.problem",
-    "InertialFactors": "model.problem",
-    "load_problems": "model.archive",
-    "save_problems": "model.archive",
-    "FixedGauge": "gauge.gauges",
-    "PriorGauge": "gauge.gauges",
-    "FreeGauge": "gauge.gauges",
-    "KeyframeGauge": "gauge.gauges",
-    "CentroidGauge": "gauge.gauges",
-    "orbit_tangent": "gauge.group",
-    "solve": "solver.levenberg_marquardt",
-    "Options": "solver.levenberg_marquardt",
-    "Covariance": "covariance.covariance",
-    "motion_covariance": "covariance.covariance",
-    "keyframe_covariances": "covariance.covariance",
-    "landmark_covariances": "covariance.covariance",
-    "transform_covariance": "covariance.transform",
-    "project_covariance": "covariance.projection",
-    "covariance_from_hessian": "covariance.foreign",
-    "diagnose": "observability.diagnosis",
-    "diagnose_hessian": "observability.diagnosis",
-    "Diagnosis": "observability.diagnosis",
-    "trajectory_errors": "model.evaluation",
-    "relative_frobenius": "model.evaluation",
+    "example_problem": ("", "a small simulated problem, made without any file"),
+    "load_problems": ("model.archive", "problems from a file"),
+    "save_problems": ("model.archive", "problems into a file"),
+    "Problem": ("model.problem", "measurements, cameras, noise, and the state to start from"),
+    "State": ("model.state", "poses and velocities of keyframes, and landmarks"),
+    "Camera": ("geometry.camera", "one calibrated camera on the body"),
+    "InertialFactors": ("model.problem", "preintegrated factors between keyframes, stacked"),
+    "ImuSamples": ("model.imu", "gyroscope and accelerometer samples"),
+    "ImuNoise": ("model.imu", "their noise densities"),
+    "Preintegrated": ("model.imu", "increments between two keyframes, and their covariance"),
+    "preintegrate": ("model.imu", "inertial samples between two times as one factor"),
+    "solve": ("solver.levenberg_marquardt", "minimise a problem under a gauge"),
+    "Options": ("solver.levenberg_marquardt", "tolerances, limits and threads of a solve"),
+    "Solution": ("solver.levenberg_marquardt", "the estimate, how the run ended, and its trace"),
+    "Status": ("solver.levenberg_marquardt", "why a run ended"),
+    "Iteration": ("solver.levenberg_marquardt", "one row of the trace"),
+    "Gauge": ("gauge.gauges", "what the solver and the covariance ask of a gauge (protocol)"),
+    "MotionFactor": ("model.factors", "a further residual on keyframes, such as a GNSS position (protocol)"),
+    "LinearFactor": ("model.factors", "its residual and Jacobian at one state"),
+    "FixedGauge": ("gauge.gauges", "first position and yaw are held"),
+    "PriorGauge": ("gauge.gauges", "first position and yaw have a prior"),
+    "FreeGauge": ("gauge.gauges", "nothing is held; covariances are pseudo-inverses"),
+    "KeyframeGauge": ("gauge.gauges", "position and heading of any keyframe"),
+    "CentroidGauge": ("gauge.gauges", "mean position and mean yaw of all keyframes"),
+    "Group": ("gauge.group", "motions that no measurement sees (protocol)"),
+    "YawTranslation": ("gauge.group", "the group of visual-inertial problems: 4 directions"),
+    "Euclidean": ("gauge.group", "the group of stereo images alone: 6 directions"),
+    "Similarity": ("gauge.group", "the group of one camera's images alone: 7 directions"),
+    "orbit_tangent": ("gauge.group", "the four directions that no measurement sees"),
+    "Covariance": ("covariance.covariance", "the covariance of an estimate, one inverse for all gauges"),
+    "motion_covariance": ("covariance.covariance", "covariance of all keyframes in a gauge"),
+    "keyframe_covariances": ("covariance.covariance", "blocks of single keyframes, without the whole matrix"),
+    "landmark_covariances": ("covariance.covariance", "blocks of single landmarks, without the whole matrix"),
+    "transform_covariance": ("covariance.transform", "covariance and estimate moved from gauge to gauge"),
+    "project_covariance": ("covariance.projection", "any covariance to another gauge, at the same point"),
+    "covariance_from_hessian": (
+        "covariance.foreign",
+        "covariance from any estimator's information matrix",
+    ),
+    "diagnose": ("observability.diagnosis", "what is unobservable beyond the gauge, and why"),
+    "diagnose_hessian": ("observability.diagnosis", "the same of any information matrix"),
+    "Diagnosis": ("observability.diagnosis", "the answer, with a sentence"),
+    "Direction": ("observability.diagnosis", "one kind of unobservable direction"),
+    "trajectory_errors": ("model.evaluation", "RMSE of an estimate against the truth"),
+    "TrajectoryErrors": ("model.evaluation", "position, rotation and velocity RMSE"),
+    "relative_frobenius": ("model.evaluation", "how far two covariances are apart"),
+    "VigaugeError": ("errors", "base of every error raised on purpose"),
+    "DataError": ("errors", "bad input: where, what was found, and the rule that it breaks"),
+    "SolverError": ("errors", "the optimiser could not go on"),
+    "DegenerateError": ("errors", "more than the gauge is unobservable: no covariance"),
+    "OutputError": ("errors", "a result could not be written"),
+    "MissingExtraError": ("errors", "packages of an extra are not installed"),
 }
 
 __all__ = ["__version__", *_PUBLIC]
+__doc__ += "\n".join(f"{name:23s} {meaning}" for name, (_, meaning) in _PUBLIC.items())
+
+
+def example_problem() -> Any:
+    """A small simulated Problem: ten keyframes on a sine path, two hundred landmarks, 2.5 s of inertial data.
+
+    Every call gives the same numbers. The start is off by 5 cm, 6 degrees and 5 cm/s a keyframe.
+    """
+    import json
+    from pathlib import Path
+
+    values = json.loads(Path(__file__).with_name("example.json").read_text(encoding="utf-8"))
+    fields = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
+    # By name, as the names above: to a tool that reads imports, `import vigauge` brings none of the library.
+    scenario = import_module(f"{__name__}.synthetic.scenario")
+    settings = import_module(f"{__name__}.synthetic.settings").SimulationSettings(**fields)
+    return scenario.make_trial(scenario.make_scene("sine", "random", settings), 0)
 
 
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
-        return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+        value = getattr(import_module(f"{__name__}.{_PUBLIC[name][0]}"), name)
+        globals()[name] = value  # found at once the next time
+        return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -1,0 +1,54 @@
+"""Types of the public names; at run time __init__.py loads each when first asked for."""
+
+from .covariance.covariance import Covariance as Covariance
+from .covariance.covariance import keyframe_covariances as keyframe_covariances
+from .covariance.covariance import landmark_covariances as landmark_covariances
+from .covariance.covariance import motion_covariance as motion_covariance
+from .covariance.foreign import covariance_from_hessian as covariance_from_hessian
+from .covariance.projection import project_covariance as project_covariance
+from .covariance.transform import transform_covariance as transform_covariance
+from .errors import DataError as DataError
+from .errors import DegenerateError as DegenerateError
+from .errors import MissingExtraError as MissingExtraError
+from .errors import OutputError as OutputError
+from .errors import SolverError as SolverError
+from .errors import VigaugeError as VigaugeError
+from .gauge.gauges import CentroidGauge as CentroidGauge
+from .gauge.gauges import FixedGauge as FixedGauge
+from .gauge.gauges import FreeGauge as FreeGauge
+from .gauge.gauges import Gauge as Gauge
+from .gauge.gauges import KeyframeGauge as KeyframeGauge
+from .gauge.gauges import PriorGauge as PriorGauge
+from .gauge.group import Euclidean as Euclidean
+from .gauge.group import Group as Group
+from .gauge.group import Similarity as Similarity
+from .gauge.group import YawTranslation as YawTranslation
+from .gauge.group import orbit_tangent as orbit_tangent
+from .geometry.camera import Camera as Camera
+from .model.archive import load_problems as load_problems
+from .model.archive import save_problems as save_problems
+from .model.evaluation import TrajectoryErrors as TrajectoryErrors
+from .model.evaluation import relative_frobenius as relative_frobenius
+from .model.evaluation import trajectory_errors as trajectory_errors
+from .model.factors import LinearFactor as LinearFactor
+from .model.factors import MotionFactor as MotionFactor
+from .model.imu import ImuNoise as ImuNoise
+from .model.imu import ImuSamples as ImuSamples
+from .model.imu import Preintegrated as Preintegrated
+from .model.imu import preintegrate as preintegrate
+from .model.problem import InertialFactors as InertialFactors
+from .model.problem import Problem as Problem
+from .model.state import State as State
+from .observability.diagnosis import Diagnosis as Diagnosis
+from .observability.diagnosis import Direction as Direction
+from .observability.diagnosis import diagnose as diagnose
+from .observability.diagnosis import diagnose_hessian as diagnose_hessian
+from .solver.levenberg_marquardt import Iteration as Iteration
+from .solver.levenberg_marquardt import Options as Options
+from .solver.levenberg_marquardt import Solution as Solution
+from .solver.levenberg_marquardt import Status as Status
+from .solver.levenberg_marquardt import solve as solve
+
+__version__: str
+
+def example_problem() -> Problem: ...

@@ -1,0 +1,86 @@
+"""The public names: one table, and what Python, type checkers and help() make of it."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vigauge as vg
+
+TABLE = vg._PUBLIC
+HEAVY = ("numpy", "scipy", "numba", "pandas", "vigauge.model")
+HELP = "import pydoc, vigauge; print(pydoc.plain(pydoc.render_doc(vigauge)))"
+
+
+def python(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+
+
+def test_all_lists_the_table() -> None:
+    assert vg.__all__ == ["__version__", *TABLE]
+    assert dir(vg) == sorted(vg.__all__)
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_every_name_is_there(name: str) -> None:
+    """Catches a name whose module has moved, and a lookup that gives another object each time."""
+    value = getattr(vg, name)
+    assert value.__name__ == name
+    assert value.__module__ == f"vigauge.{TABLE[name][0]}".rstrip(".")
+    assert getattr(vg, name) is value
+
+
+def test_a_name_that_is_not_public_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'sovle'"):
+        _ = vg.sovle
+
+
+def test_type_checkers_see_the_table() -> None:
+    """Catches a public name that is loaded at run time and unknown, or known elsewhere, to a type checker."""
+    stub = ast.parse(Path(vg.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    seen = {}
+    for node in stub.body:
+        if isinstance(node, ast.ImportFrom):
+            # Only `X as X` is public to a strict type checker.
+            seen |= {alias.name: node.module for alias in node.names if alias.asname == alias.name}
+        elif isinstance(node, ast.FunctionDef):
+            seen[node.name] = ""
+    assert seen == {name: module for name, (module, _) in TABLE.items()}
+
+
+def test_help_begins_with_the_names_and_their_meanings() -> None:
+    text = python(HELP)
+    description = text.split("PACKAGE CONTENTS")[0]
+    lines = [line.split() for line in description.splitlines()]
+    shown = [line for line in lines if line and line[0] in TABLE]
+    assert shown == [[name, *meaning.split()] for name, (_, meaning) in TABLE.items()]
+
+
+def test_import_is_light() -> None:
+    """Catches a public name that is imported with the package: `import vigauge` takes milliseconds."""
+    code = f"import sys, vigauge; print([m for m in {HEAVY} if m in sys.modules])"
+    assert python(code).strip() == "[]"
+
+
+def test_import_is_quick() -> None:
+    """Under 0.1 s, the best of three: other work on the machine must not decide."""
+    code = "import time; t = time.perf_counter(); import vigauge; print(time.perf_counter() - t)"
+    assert min(float(python(code)) for _ in range(3)) < 0.1
+
+
+def test_example_is_the_same_every_time_and_solvable() -> None:
+    first, second = vg.example_problem(), vg.example_problem()
+    assert first.initial.n_keyframes == 10
+    assert first.initial.n_landmarks == 200
+    np.testing.assert_array_equal(first.obs_uv, second.obs_uv)
+    solution = vg.solve(first, vg.FreeGauge())
+    assert solution.converged
+    # Half the chi-square: two numbers an observation, nine a factor, less what is estimated.
+    freedom = 2 * len(first.obs_uv) + 9 * 9 - (first.initial.n_parameters - 4)
+    assert abs(2.0 * solution.cost / freedom - 1.0) < 0.15
+    assert not vg.diagnose(first, solution.state).degenerate
