@@ -13,6 +13,3 @@ HEADLINE = "headline"
 
 # What every result of a rendered sequence says.
 STAND_IN = "rendered stand-in, not EuRoC"
-
-# What experiments on one changed assumption call the run without a change.
-AS_CONFIGURED = "as configured"

@@ -116,7 +116,7 @@ def test_published_pair_is_put_back() -> None:
 def test_iterations_are_timed_at_equal_number() -> None:
     """Catches runs that end by their tolerance: gauges would be timed over different mixes of iterations."""
     ticks = iter(range(10_000))
-    settings = TimeSettings(n_keyframes=(10,), n_landmarks=(), iterations=7, repeats=2)
+    settings = TimeSettings(n_keyframes=(10,), iterations=7, repeats=2)
     rows = iteration_times(
         trial(), {"fix": FixedGauge(), "free": FreeGauge()}, Options(), settings, lambda: float(next(ticks))
     )

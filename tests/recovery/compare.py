@@ -11,7 +11,7 @@ from pathlib import Path
 FOLDERS = ("data", "paper_figures")
 
 # Files that hold nothing but times, and drawings of times; the ledger's page has those inside.
-TIMES_ONLY = ("timing.csv", "timing.json", "iteration_time.csv", "landmark_time.csv", "claims.html")
+TIMES_ONLY = ("timing.csv", "timing.json", "iteration_time.csv", "claims.html")
 DRAWN_TIMES = ("fig05_", "fig07_", "fig11_")
 # Lines of the comparison: a time, or how many numbers of such a figure are off by a factor of two.
 _TIMED = re.compile(r"time|^\| fig(05|07|11) \| \d+ \|")
@@ -49,8 +49,6 @@ def _reader(name: Path, timed: set[str]) -> Callable[[Path], object] | None:
         return lambda path: [row for row in _rows(path) if row["id"] not in timed]
     if name.name == "comparison.csv":
         return _iterations
-    if name.name == "comparison_why.csv":
-        return lambda path: [row for row in _rows(path) if row["id"] != "ratio-times"]
     if name.name == "comparison.md":
         return lambda path: [line for line in path.read_text("utf-8").splitlines() if not _TIMED.search(line)]
     if name.name in ("claims.md", "summary.md"):

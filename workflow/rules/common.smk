@@ -104,7 +104,6 @@ LEDGER_FILES = [
     "claims_statistics.csv",
     "comparison.csv",
     "comparison.md",
-    "comparison_why.csv",
     "summary.md",
     "environment.json",
 ]

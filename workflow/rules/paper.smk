@@ -340,7 +340,7 @@ rule claims:
             *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
             "data/prior_sweep/stamp.json",
             "data/reasons/stamp.json",
-            "data/reasons/scenes.stamp.json",
+            "data/reasons/free_spread.stamp.json",
             "data/timing_reasons/stamp.json",
         ],
         code=code_of("claims"),
@@ -409,23 +409,11 @@ rule comparison:
         f"{OUT}/table2.csv",
         f"{OUT}/table3.csv",
         expand("{folder}/{name}.csv", folder=OUT, name=[FIGURES[key] for key in COMPARED_FIGURES]),
-        expand(
-            "data/reasons/{name}.csv",
-            name=[*ACCURACY_REASONS, "squared", "squared_paths", "scene_counts"],
-        ),
-        landmark_times=LANDMARK_TIME,
         published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
-        stamps=[
-            "data/reasons/stamp.json",
-            "data/reasons/accuracy.stamp.json",
-            "data/reasons/scenes.stamp.json",
-            "data/timing_reasons/stamp.json",
-        ],
         code=code_of("comparison"),
     output:
         csv=report(f"{OUT}/comparison.csv", caption="../report/comparison.rst", category="Claims"),
         md=f"{OUT}/comparison.md",
-        why=report(f"{OUT}/comparison_why.csv", caption="../report/comparison_why.rst", category="Claims"),
     log:
         "logs/paper/comparison.log",
     conda:
@@ -438,14 +426,11 @@ rule comparison:
             f"{name}={PUBLISHED_NAMES[name]}"
             for name in (PAPER_SEQUENCES if SEQUENCES_ARE_PUBLISHED else [])
         ],
-        drawn=MACHINE_HALL,
     message:
         "Published numbers and ours, with ratios"
     shell:
         "python -m vigauge_paper.commands.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
-        " --reasons data/reasons --landmark-times {input.landmark_times:q} --source {params.source} --published-names {params.names:q}"
-        " --drawn {params.drawn} --output {output.csv:q} --why {output.why:q}"
-        " --stamps {input.stamps:q} --log {log:q}"
+        " --source {params.source} --published-names {params.names:q} --output {output.csv:q} --log {log:q}"
 
 
 rule summary:

@@ -13,10 +13,6 @@ REASONS = [
     "first_step",
 ]
 ITERATION_TIME = "iteration_time"
-LANDMARK_TIME = "data/timing_reasons/landmark_time.csv"
-ACCURACY_REASONS = ["accuracy", "sequence_accuracy", "expected", "paths", "rigid_turns"]
-
-SCENE_REASONS = ["scene_counts", "free_spread"]
 
 
 rule reasons:
@@ -65,70 +61,25 @@ rule reasons:
         " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
-rule reasons_accuracy:
+rule free_spread:
     input:
-        expand("data/sequences/{name}/{file}.npz", name=PAPER_SEQUENCES, file=["problem", "truth"]),
-        expand("data/covariance/{name}.npz", name=EXPERIMENTS),
-        published=expand(
-            "{folder}/{file}",
-            folder=PUBLISHED_FOLDER,
-            file=["fig01_euroc_ellipses.csv", "fig09.npz", "fig10.npz"],
-        ),
-        stamps=[
-            *expand("data/sequences/{name}/stamp.json", name=PAPER_SEQUENCES),
-            *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
-        ],
-        code=code_of("reasons_accuracy"),
+        code=code_of("free_spread"),
     output:
-        tables=expand("data/reasons/{name}.csv", name=ACCURACY_REASONS),
-        stamp="data/reasons/accuracy.stamp.json",
+        table="data/reasons/free_spread.csv",
+        stamp="data/reasons/free_spread.stamp.json",
     log:
-        "logs/reasons_accuracy.log",
+        "logs/free_spread.log",
     conda:
         "../envs/vigauge.yaml"
     params:
-        sequences=expand("{name}=data/sequences/{name}/problem.npz", name=PAPER_SEQUENCES),
-        truths=expand("{name}=data/sequences/{name}/truth.npz", name=PAPER_SEQUENCES),
-        covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
-        noise=[f"{name}={headline_of(name)}" for name in PAPER_SEQUENCES],
-        published=folder_of_published,
         simulation=section("simulation"),
         solver=section("solver"),
-        settings=section("accuracy"),
-        output=folder_of_output,
+        settings=section("free_spread"),
     message:
-        "What the errors depend on"
+        "What the draw of the landmarks does to the free gauge"
     shell:
-        "python -m vigauge_paper.commands.reasons_accuracy --sequences {params.sequences:q} --truths {params.truths:q}"
-        " --covariances {params.covariances:q} --noise {params.noise:q} --published {params.published:q}"
-        " --simulation {params.simulation:q} --solver {params.solver:q} --settings {params.settings:q}"
-        " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
-
-
-rule reasons_scenes:
-    input:
-        published=[f"{PUBLISHED_FOLDER}/fig05_prior_weight_cost.csv"],
-        code=code_of("reasons_scenes"),
-    output:
-        tables=expand("data/reasons/{name}.csv", name=SCENE_REASONS),
-        stamp="data/reasons/scenes.stamp.json",
-    log:
-        "logs/reasons_scenes.log",
-    conda:
-        "../envs/vigauge.yaml"
-    params:
-        configuration=config["prior"]["sweep_configuration"],
-        published=folder_of_published,
-        simulation=section("simulation"),
-        solver=section("solver"),
-        settings=section("scenes"),
-        output=folder_of_output,
-    message:
-        "What the landmarks do"
-    shell:
-        "python -m vigauge_paper.commands.reasons_scenes --configuration {params.configuration}"
-        " --published {params.published:q} --simulation {params.simulation:q} --solver {params.solver:q}"
-        " --settings {params.settings:q} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
+        "python -m vigauge_paper.commands.free_spread --simulation {params.simulation:q} --solver {params.solver:q}"
+        " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 # Times, and so in a folder of its own: everything in data/reasons is the same bytes again.
@@ -137,7 +88,6 @@ rule reasons_time:
         code=code_of("reasons_time"),
     output:
         table=f"data/timing_reasons/{ITERATION_TIME}.csv",
-        landmarks=LANDMARK_TIME,
         stamp="data/timing_reasons/stamp.json",
     log:
         "logs/reasons_time.log",
@@ -151,9 +101,8 @@ rule reasons_time:
         weight=config["prior"]["weight"],
         settings=section("iteration_time"),
     message:
-        "What fixation saves of an iteration, and what landmarks add"
+        "What fixation saves of an iteration"
     shell:
         "python -m vigauge_paper.commands.reasons_time --configuration {params.configuration}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
-        " --settings {params.settings:q} --output {output.table:q} --landmark-output {output.landmarks:q}"
-        " --stamp {output.stamp:q} --log {log:q}"
+        " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"

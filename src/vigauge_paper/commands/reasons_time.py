@@ -1,4 +1,4 @@
-"""Time iterations of equal number: gauges, the dense solve that fixation makes smaller, other landmarks."""
+"""Time iterations of equal number: gauges and the dense solve that fixation makes smaller."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from vigauge.files import write_rows
-from vigauge.gauge.gauges import FixedGauge, three_gauges
+from vigauge.gauge.gauges import three_gauges
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge.synthetic.scenario import make_scene, make_trial
 from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.iteration_time import TimeSettings, dense_times, iteration_times
-from vigauge_paper.ids import AS_CONFIGURED
 from vigauge_paper.run.artefacts import add_prior_weight, add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
@@ -36,14 +35,6 @@ def work(options: argparse.Namespace) -> None:
         rows += iteration_times(problem, gauges, solver, times, time.perf_counter)
         rows += dense_times(count, times.repeats, rng, time.perf_counter)
     write_rows(options.output, rows)
-    sizes = {AS_CONFIGURED: simulation}
-    sizes |= {f"n_landmarks={n}": replace(simulation, n_landmarks=n) for n in times.n_landmarks}
-    rows = []
-    for variant, changed in sizes.items():
-        problem = make_trial(make_scene(trajectory, points, changed), 0)
-        timed = iteration_times(problem, {"fix": FixedGauge()}, solver, times, time.perf_counter)
-        rows += [{"variant": variant, **row} for row in timed]
-    write_rows(options.landmark_output, rows)
 
 
 def main() -> None:
@@ -54,9 +45,6 @@ def main() -> None:
     add_prior_weight(arguments)
     add_section(arguments, "--settings", "iteration_time")
     arguments.add_argument("--output", type=Path, required=True, help="a row a run")
-    arguments.add_argument(
-        "--landmark-output", type=Path, required=True, help="the same for other numbers of landmarks"
-    )
     run(
         work,
         arguments,
@@ -67,7 +55,7 @@ def main() -> None:
                 "prior_weight": "prior.weight",
                 "settings": "iteration_time",
             },
-            timings=("output", "landmark_output"),
+            timings=("output",),
         ),
     )
 

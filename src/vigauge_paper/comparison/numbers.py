@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +13,12 @@ from ..ids import ERRORS
 
 Row = dict[str, object]
 
-# Ratios beyond this, or below its inverse, want an explanation.
+# Ratios beyond this, or below its inverse, are marked.
 FACTOR = 2.0
 
 _BOX = ("q1", "median", "q3")
 # Our columns of the two panels of Fig. 6.
-PANELS = {"yaw_rad": "prior_yaw_rad", "position_m": "prior_position_m"}
+_PANELS = {"yaw_rad": "prior_yaw_rad", "position_m": "prior_position_m"}
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,8 @@ class Number:
 
     @property
     def outside(self) -> bool:
-        return is_outside(self.ratio)
-
-
-def is_outside(ratio: float) -> bool:
-    """Whether a ratio lies outside a factor of two; a ratio that does not exist does."""
-    return not 1.0 / FACTOR <= ratio <= FACTOR
+        """Whether the ratio lies outside a factor of two; a ratio that does not exist does."""
+        return not 1.0 / FACTOR <= self.ratio <= FACTOR
 
 
 def numbers(artefacts: Path, published: Path, sequences: Mapping[str, str]) -> list[Number]:
@@ -150,7 +146,7 @@ def _prior_paths(ours: Path, theirs: Path) -> Iterator[Number]:
         place = (row["weight"], min(int(row["step"]), last))
         gauge = "free" if row["weight"] == "free" else "prior"
         case = f"{row['weight']}, step {row['step']}"
-        column = PANELS[row["panel"]]
+        column = _PANELS[row["panel"]]
         if int(row["step"]) > 0:
             yield Number(
                 "fig06", case, gauge, column, float(row["prior_error"]), float(own.loc[place, column])
@@ -187,6 +183,11 @@ def _cost(ours: Path, theirs: Path, artefact: str, names: Mapping[str, str] | No
                     float(row["value" if ratio else part]),
                     float(match[part]),
                 )
+
+
+def comparison_rows(table: list[Number]) -> list[Row]:
+    """A row a number: what it is, published, ours, ratio, outside_factor_two."""
+    return [{**asdict(n), "ratio": n.ratio, "outside_factor_two": n.outside} for n in table]
 
 
 def score(table: list[Number]) -> tuple[float, float]:

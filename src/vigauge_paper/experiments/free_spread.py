@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from vigauge.covariance.covariance import motion_covariance
@@ -11,6 +13,13 @@ from vigauge.model.problem import Problem
 from vigauge.solver.levenberg_marquardt import Options, solve
 
 Row = dict[str, object]
+
+
+@dataclass(frozen=True)
+class SpreadSettings:
+    """Config section 'free_spread': ``draws`` of landmarks and noise of every configuration."""
+
+    draws: int
 
 
 def position_variances(covariance: Array, keyframes: int) -> Array:

@@ -25,10 +25,9 @@ HELD = 4
 
 @dataclass(frozen=True)
 class TimeSettings:
-    """Config section 'iteration_time': numbers of keyframes, of landmarks; iterations and repeats of runs."""
+    """Config section 'iteration_time': numbers of keyframes; iterations and repeats of runs."""
 
     n_keyframes: tuple[int, ...]
-    n_landmarks: tuple[int, ...]
     iterations: int
     repeats: int
 
