@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..geometry.so3 import Array
 from . import rotation
 from .compiled import kernel, part
 from .lanes import Index
+
+
+class Increments(NamedTuple):
+    """Preintegrated factors, stacked as in :class:`vigauge.model.problem.InertialFactors`; gravity in m/s^2."""
+
+    first: Index
+    second: Index
+    dt: Array
+    dp: Array
+    dR: Array
+    dv: Array
+    whitener: Array
+    gravity: float
+
+
+class Motion(NamedTuple):
+    """Positions (N, 3), rotations (N, 3, 3) and velocities (N, 3) of the keyframes."""
+
+    p_W: Array
+    R_WB: Array
+    v_W: Array
+
 
 # Length of a row of J: 18 columns and the error, in whole vectors of eight.
 _ROW = 24
@@ -53,21 +77,10 @@ def _error(
 
 
 @kernel
-def residuals(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-    out: Array,
-) -> None:
+def residuals(factors: Increments, motion: Motion, out: Array) -> None:
     """Whitened errors into ``out`` (F, 9), order (position, rotation, velocity)."""
+    first, second, dt, dp, dR, dv, whitener, gravity = factors
+    p_W, R_WB, v_W = motion
     shift, change, turn, error = np.empty(3), np.empty(3), np.empty(3), np.empty(9)
     scratch = np.empty((3, 3))
     for f in range(len(dt)):
@@ -83,24 +96,12 @@ def residuals(
 
 
 @kernel
-def cost(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-) -> float:
+def cost(factors: Increments, motion: Motion) -> float:
     """Sum of squares of :func:`residuals`."""
-    white = np.empty((len(dt), 9))
-    residuals(first, second, dt, dp, dR, dv, whitener, gravity, p_W, R_WB, v_W, white)
+    white = np.empty((len(factors.dt), 9))
+    residuals(factors, motion, white)
     squares = 0.0
-    for f in range(len(dt)):
+    for f in range(len(white)):
         for a in range(9):
             squares += white[f, a] * white[f, a]
     return squares
@@ -135,26 +136,14 @@ def _jacobian(
 
 @kernel
 def accumulate(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-    column: Index,
-    stride: int,
-    storage: Array,
-    gradient: Array,
+    factors: Increments, motion: Motion, column: Index, stride: int, storage: Array, gradient: Array
 ) -> None:
     """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (9N,).
 
     ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
     """
+    first, second, dt, dp, dR, dv, whitener, gravity = factors
+    p_W, R_WB, v_W = motion
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     # Column 18 is the error, so that J^T J holds the gradient too.
     inverse, J = np.empty((3, 3)), np.zeros((9, _ROW))

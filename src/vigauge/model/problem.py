@@ -17,6 +17,7 @@ from ..errors import DataError
 from ..geometry.camera import Camera
 from ..geometry.so3 import Array
 from ..kernels.covisibility import spread_pixels
+from ..kernels.inertial import Increments
 from ..kernels.lanes import LANES
 from ..sparsity.structure import Structure
 from .factors import MotionFactor
@@ -255,6 +256,12 @@ class Problem:
         more = np.array(pairs, dtype=np.int64).reshape(-1, 2)
         first, second = self.inertial.first, self.inertial.second
         return np.concatenate([first, more[:, 0]]), np.concatenate([second, more[:, 1]])
+
+    @cached_property
+    def increments(self) -> Increments:
+        """The inertial factors as the kernels read them."""
+        f = self.inertial
+        return Increments(f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, float(self.gravity))
 
     @cached_property
     def pixels(self) -> Array:

@@ -13,9 +13,9 @@ import numpy as np
 from ..geometry.so3 import Array
 from ..kernels import inertial as inertial_kernels
 from ..kernels import visual as visual_kernels
+from ..kernels.inertial import Increments, Motion
 from ..model.problem import Problem
 from ..model.state import State
-from ..sparsity.layout import Index
 
 
 def camera_rotations(problem: Problem, state: State) -> Array:
@@ -25,14 +25,9 @@ def camera_rotations(problem: Problem, state: State) -> Array:
     return R_CW
 
 
-InertialInputs = tuple[Index, Index, Array, Array, Array, Array, Array, float, Array, Array, Array]
-
-
-def inertial_inputs(problem: Problem, state: State) -> InertialInputs:
-    """What the inertial kernels read: the factors, gravity, and the keyframes' states."""
-    f = problem.inertial
-    moved = state.p_W, state.R_WB, state.v_W
-    return f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, problem.gravity, *moved
+def inertial_inputs(problem: Problem, state: State) -> tuple[Increments, Motion]:
+    """What the inertial kernels read."""
+    return problem.increments, Motion(state.p_W, state.R_WB, state.v_W)
 
 
 @dataclass(frozen=True)
