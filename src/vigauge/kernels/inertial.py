@@ -13,7 +13,7 @@ from .lanes import Index
 
 
 class Increments(NamedTuple):
-    """Preintegrated factors, stacked as in :class:`vigauge.model.problem.InertialFactors`; gravity in m/s^2."""
+    """The arrays of :class:`vigauge.model.problem.InertialFactors`, and gravity in m/s^2."""
 
     first: Index
     second: Index
