@@ -5,7 +5,6 @@ The property: a reader takes the file or raises VigaugeError; nothing else, and 
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -16,9 +15,7 @@ from random import Random
 
 import cv2
 import numpy as np
-import yaml
 
-from support import ROOT
 from support.asl import CAMERA_YAML, FRAME_NS, IMU_HEADER, IMU_NS, IMU_YAML, grey_image
 from support.random_problem import random_problem
 from vigauge.errors import VigaugeError
@@ -27,17 +24,12 @@ from vigauge.model.archive import load_arrays, load_problems, load_states, save_
 from vigauge.recordings.asl.calibration import read_camera, read_imu_noise
 from vigauge.recordings.asl.ground_truth import read_ground_truth
 from vigauge.recordings.asl.images import read_image
-from vigauge.recordings.asl.plain_yaml import read_plain_yaml
 from vigauge.recordings.asl.sequence import read_frames, read_imu
 from vigauge_paper.fetch.archive import extract_sequence
-from vigauge_paper.fetch.sources import read_sources
-from vigauge_paper.run.configuration import check_with, load_validator
 
 from . import mutations
 
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 CAMERA = Camera(30.0, 30.0, 19.5, 14.5, 40, 30, (0.0, 0.0, 0.0, 0.0), np.eye(3), np.zeros(3))
-STRANGE: list[object] = [None, True, -1, 0, 1e308, float("nan"), 10**30, "", "x", [], {}, [[]], "1e5"]
 Spoil = Callable[[Random, bytes], bytes]
 
 
@@ -100,24 +92,6 @@ def _image_folder(mav: Path) -> bytes:
     return (mav / "cam0" / "data.csv").read_bytes()
 
 
-def _spoil_config(rng: Random, data: bytes) -> bytes:
-    """A value of the configuration, found at random, exchanged for a strange one."""
-    config = json.loads(data)
-    value = config
-    while True:
-        keys = list(value) if isinstance(value, dict) else range(len(value))
-        if not keys:
-            break
-        key = rng.choice(list(keys))
-        if not isinstance(value[key], dict | list) or rng.random() < 0.2:
-            value[key] = rng.choice(STRANGE)
-            break
-        value = value[key]
-    if rng.random() < 0.2:
-        config[rng.choice(("extra", "1", ""))] = 1
-    return json.dumps(config).encode()
-
-
 @contextmanager
 def all_readers() -> Iterator[dict[str, Reader]]:
     """The readers by name; their files live in a temporary folder."""
@@ -151,21 +125,6 @@ def all_readers() -> Iterator[dict[str, Reader]]:
         save_states(folder / "s.npz", [random_problem(1).initial])
         archives = [(folder / "p.npz").read_bytes(), (folder / "s.npz").read_bytes()]
         zips = [mutations.zip_of([("mav0/a", b"x" * 50), ("mav0/cam0/data.csv", b"1,2\n" * 9), ("x", b"y")])]
-        sources = (ROOT / "data" / "euroc_sources.csv").read_bytes()
-        whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text("utf-8"))
-        configs = [json.dumps(whole).encode()]
-
-        smoke = (ROOT / "config" / "smoke.yaml").read_bytes()
-        validator = load_validator(SCHEMA)
-
-        def config_of(path: Path) -> None:
-            text = path.read_bytes()
-            try:
-                content = json.loads(text)
-            except (ValueError, RecursionError):
-                content = read_plain_yaml(path)
-            check_with(validator, content, str(path))
-
         csv_spoil = [_text(seeds, mutations.TEXT_TOKENS, table=True) for seeds in ([imu], truth, [frames])]
         readers = [
             Reader("imu data.csv", [imu], through(folder / "imu" / "data.csv", read_imu), csv_spoil[0]),
@@ -202,18 +161,11 @@ def all_readers() -> Iterator[dict[str, Reader]]:
                 through(folder / "x.npz", _archive),
                 _binary(archives, mutations.spoil_npz, lambda data: True),
             ),
-            Reader("config yaml", configs, through(folder / "config.yaml", config_of), _config_spoil(smoke)),
             Reader(
                 "zip of a sequence",
                 zips,
                 through(folder / "sequence.zip", lambda path: _extracted(path, folder / "out")),
                 _binary(zips, mutations.spoil_zip, lambda data: True),
-            ),
-            Reader(
-                "euroc_sources.csv",
-                [sources],
-                through(folder / "sources.csv", read_sources),
-                _text([sources], mutations.TEXT_TOKENS, table=True),
             ),
         ]
         yield {reader.name: reader for reader in readers}
@@ -249,13 +201,3 @@ def _inside(paths: tuple[Path, ...], folder: Path) -> None:
     real = str(folder.resolve())
     for path in paths:
         assert str(path.resolve()).startswith(real + "/"), path
-
-
-def _config_spoil(smoke: bytes) -> Spoil:
-    def spoil(rng: Random, data: bytes) -> bytes:
-        if rng.random() < 0.7:
-            return _spoil_config(rng, data)
-        short = rng.choice((smoke, b"simulation: {n_trials: 3}\nsolver: []\n"))
-        return mutations.spoil_bytes(rng, short, mutations.YAML_TOKENS, [smoke])
-
-    return spoil

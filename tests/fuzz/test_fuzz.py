@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from .readers import ROOT, Reader, all_readers, outcome
-from .run import LARGEST_GROWTH_MIB, LONGEST_S
+from support import ROOT
+
+from .readers import Reader, all_readers, outcome
+from .run import LONGEST_S
 
 NAMES = [
     "imu data.csv",
@@ -20,9 +22,7 @@ NAMES = [
     "sensor.yaml",
     "image",
     "npz",
-    "config yaml",
     "zip of a sequence",
-    "euroc_sources.csv",
 ]
 
 
@@ -62,28 +62,13 @@ def test_spoilt_file_is_accepted_or_refused(readers: dict[str, Reader], name: st
     check()
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_random_bytes_are_accepted_or_refused(readers: dict[str, Reader], name: str) -> None:
-    reader = readers[name]
-
-    @settings(max_examples=40, database=None)
-    @given(data=st.binary(max_size=200), at=st.integers(0, 200), seed=st.integers(0, 3))
-    def check(data: bytes, at: int, seed: int) -> None:
-        valid = reader.seeds[seed % len(reader.seeds)]
-        outcome(reader, data)
-        outcome(reader, valid[:at] + data + valid[at:])
-
-    check()
-
-
 def test_record_of_the_long_run_shows_no_crash() -> None:
     """Catches a record of a reader that is gone, of too few inputs, or one that hides a failure."""
     with (ROOT / "docs" / "fuzzing.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert {row["reader"] for row in rows} == set(NAMES)
     for row in rows:
-        assert int(row["inputs"]) >= (100_000 if row["driver"] == "mutation" else 1), row
+        assert int(row["inputs"]) >= 100_000, row
         assert int(row["accepted"]) + int(row["refused"]) == int(row["inputs"])
         assert int(row["crashes"]) == 0
         assert float(row["longest_s"]) <= LONGEST_S
-        assert float(row["peak_memory_growth_mib"]) <= LARGEST_GROWTH_MIB

@@ -14,7 +14,7 @@ import pytest
 
 from support.asl import CAMERA_YAML, FRAME_NS, grey_image
 from support.random_problem import random_problem
-from vigauge.errors import ConfigError, DataError
+from vigauge.errors import DataError
 from vigauge.geometry.camera import Camera
 from vigauge.model.archive import (
     load_arrays,
@@ -30,10 +30,8 @@ from vigauge.recordings.asl.images import read_image
 from vigauge.recordings.asl.plain_yaml import read_plain_yaml
 from vigauge.recordings.asl.sequence import read_frames
 from vigauge.recordings.asl.tables import read_table
-from vigauge_paper.run.configuration import check_config
 
 from .mutations import NPY_HEADERS, _npy
-from .readers import SCHEMA
 
 CAMERA = Camera(30.0, 30.0, 19.5, 14.5, 40, 30, (0.0, 0.0, 0.0, 0.0), np.eye(3), np.zeros(3))
 
@@ -167,15 +165,6 @@ def test_yaml_beyond_plain_data_is_refused(tmp_path, text):
     assert len(str(caught.value)) < 3000
 
 
-def test_dates_are_text_and_large_files_are_refused(tmp_path):
-    path = tmp_path / "sensor.yaml"
-    path.write_text("x: 2020-13-45")
-    assert read_plain_yaml(path) == {"x": "2020-13-45"}
-    path.write_text("# " + "x" * 200_000)
-    with pytest.raises(DataError, match="at most"):
-        read_plain_yaml(path)
-
-
 def test_camera_of_gigapixels_is_refused(tmp_path):
     """Catches a sensor.yaml that makes a lying image header pass."""
     path = tmp_path / "sensor.yaml"
@@ -238,36 +227,6 @@ def test_image_name_longer_than_a_name_can_be_is_refused(frames):
     (frames / "cam0" / "data.csv").write_text(f"{FRAME_NS[0]},{'x' * 5000}.png\n")
     with pytest.raises(DataError, match=r"filename: (must name a file|image file must exist)"):
         read_frames(frames)
-
-
-def recursive() -> dict[str, object]:
-    config: dict[str, object] = {}
-    config["simulation"] = config
-    return config
-
-
-def multiplied() -> dict[str, object]:
-    value: object = "x"
-    for _ in range(12):
-        value = [value] * 9
-    return {"simulation": value}
-
-
-@pytest.mark.parametrize(
-    ("config", "rule"),
-    [
-        (recursive(), "levels deep"),
-        (multiplied(), "values"),
-        ({1: 2, "a": 3}, "keys must be text"),
-        ({"simulation": {"sigma_px": float("nan")}}, "must be finite"),
-        ({"simulation": {"n_trials": 10**5000}}, "64 bits"),
-        ({"simulation": b"x"}, "must be text, a number"),
-    ],
-)
-def test_configuration_beyond_plain_data_is_refused(config, rule):
-    """Catches what a schema lets pass (NaN) or cannot look at (aliases of YAML, keys of any type)."""
-    with pytest.raises(ConfigError, match=rule):
-        check_config(config, SCHEMA, "config.yaml")
 
 
 def test_message_about_a_value_of_any_size_is_short():

@@ -107,3 +107,19 @@ def test_missing_key_is_named(config: dict[str, Any]) -> None:
 def test_schema_itself_is_valid() -> None:
     validator = load_validator(SCHEMA)
     validator.check_schema(validator.schema)
+
+
+@pytest.mark.parametrize(
+    ("over", "rule"),
+    [
+        ({1: 2}, r"\(top level\): keys must be text"),
+        ({"simulation": {"sigma_px": float("nan")}}, "simulation.sigma_px: must be finite"),
+        ({"prior": {"sweep_weights": [1.0, float("inf")]}}, "prior.sweep_weights.1: must be finite"),
+    ],
+)
+def test_what_the_schema_lets_pass_is_refused(
+    config: dict[str, Any], over: dict[Any, Any], rule: str
+) -> None:
+    """NaN passes every bound of a schema; a key that is a number ends in a traceback."""
+    with pytest.raises(ConfigError, match=rule):
+        check_config(merged(config, over), SCHEMA, "config.yaml")

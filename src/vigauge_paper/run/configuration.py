@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,6 @@ from referencing import Registry
 from referencing.jsonschema import DRAFT202012
 
 from vigauge.errors import ConfigError
-
-# Ours has about 200 values on 7 levels. Aliases of YAML make larger ones than any file could hold.
-_MOST_VALUES = 100_000
-_DEEPEST = 30
-_LARGEST_INTEGER = 2**63
 
 
 def _key(error: ValidationError) -> str:
@@ -45,47 +40,27 @@ def load_validator(schema: Path) -> Draft202012Validator:
     return Draft202012Validator(contents[schema.name], registry=Registry().with_resources(resources))
 
 
-def _values(value: object, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], object]]:
-    """Every value below ``value`` with the keys that lead to it, aliased ones each time they occur."""
-    yield place, value
-    if isinstance(value, Mapping):
-        for key, entry in value.items():
-            yield from _values(entry, (*place, str(key)))
-    elif isinstance(value, list):
-        for number, entry in enumerate(value):
-            yield from _values(entry, (*place, str(number)))
-
-
-def _require_plain(config: Mapping[str, Any], file: str) -> None:
-    """Refuse what a schema lets pass or cannot look at: sizes without end, NaN, keys that are no text."""
-    for number, (place, value) in enumerate(_values(config)):
-        rule = ""
-        if len(place) > _DEEPEST or number > _MOST_VALUES:
-            raise ConfigError(file, f"must have at most {_MOST_VALUES} values, {_DEEPEST} levels deep")
-        if isinstance(value, Mapping) and not all(isinstance(key, str) for key in value):
-            rule = "keys must be text"
-        elif isinstance(value, float) and not math.isfinite(value):
-            rule = "must be finite"
-        elif isinstance(value, int) and abs(value) > _LARGEST_INTEGER:
-            rule, value = "must be an integer of at most 64 bits", None
-        elif not isinstance(value, Mapping | list | str | int | float | None):
-            rule = "must be text, a number, true, false, null, a list or a mapping"
-        if rule:
-            raise ConfigError(file, rule, field=".".join(place) or "(top level)", value=value)
+def _require_plain(value: object, file: str, place: tuple[str, ...] = ()) -> None:
+    """Refuse what the schema lets pass or cannot name: NaN, infinities, keys that are not text."""
+    rule = ""
+    if isinstance(value, float) and not math.isfinite(value):
+        rule = "must be finite"
+    elif isinstance(value, Mapping) and not all(isinstance(key, str) for key in value):
+        rule = "keys must be text"
+    if rule:
+        raise ConfigError(file, rule, field=".".join(place) or "(top level)", value=value)
+    if isinstance(value, Mapping | list):
+        for key, entry in value.items() if isinstance(value, Mapping) else enumerate(value):
+            _require_plain(entry, file, (*place, str(key)))
 
 
 def check_config(config: Mapping[str, Any], schema: Path, file: str) -> None:
-    """Refuse a configuration that its schema does not allow, or that is no plain data of modest size.
+    """Refuse a configuration that its schema does not allow.
 
     Raises ConfigError with the key, the value and the rule it breaks, unit included.
     """
-    check_with(load_validator(schema), config, file)
-
-
-def check_with(validator: Draft202012Validator, config: Mapping[str, Any], file: str) -> None:
-    """:func:`check_config` by a validator that is there already."""
     _require_plain(config, file)
-    error = best_match(validator.iter_errors(config))
+    error = best_match(load_validator(schema).iter_errors(config))
     if error is not None:
         rule, value = _rule(error)
         raise ConfigError(file, rule, field=_key(error), value=value)

@@ -1,4 +1,4 @@
-"""YAML as sensor files use it: mappings, lists, numbers and text; nothing that costs more than its size.
+"""YAML as sensor files use it: mappings, lists, numbers and text.
 
 Plain safe loading still expands aliases, so a short file can stand for a value of any
 size, and it turns explicit tags into exceptions of any kind.
@@ -13,14 +13,13 @@ import yaml
 
 from ...errors import DataError
 
-# A sensor.yaml has about 1 kB and four levels.
-_LARGEST_BYTES = 100_000
+# A sensor.yaml has four levels.
 _DEEPEST = 20
 _LARGEST_INTEGER = 2**63
 
 
 class _PlainLoader(yaml.SafeLoader):
-    """Safe loading without anchors, aliases, explicit tags, dates, or nesting without end."""
+    """Safe loading without anchors, aliases, explicit tags, or deep nesting."""
 
     depth = 0
 
@@ -45,11 +44,6 @@ class _PlainLoader(yaml.SafeLoader):
 
 
 _PlainLoader.add_constructor("tag:yaml.org,2002:int", _PlainLoader.construct_yaml_int)
-# Dates stay text: YAML 1.1 also takes those that no calendar has.
-_PlainLoader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:timestamp"]
-    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-}
 
 
 def read_plain_yaml(path: Path) -> Any:
@@ -61,19 +55,15 @@ def read_plain_yaml(path: Path) -> Any:
     Raises
     ------
     DataError
-        for a file that is missing, too large for what it is, no YAML, or YAML beyond
-        mappings, lists, numbers and text.
+        for a file that is missing, no YAML, or YAML with anchors, aliases, tags or deep nesting
     """
     if not path.is_file():
         raise DataError(path, "file must exist")
-    size = path.stat().st_size
-    if size > _LARGEST_BYTES:
-        raise DataError(path, f"must have at most {_LARGEST_BYTES} bytes", value=size)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         if lines and lines[0].startswith("%YAML"):
             lines[0] = ""
         return yaml.load("\n".join(lines), _PlainLoader)
     except (UnicodeDecodeError, OSError, yaml.YAMLError, ValueError) as error:
-        # ValueError: a whole number of more digits than Python converts.
+        # ValueError: a number of more digits than Python converts, or a date that no calendar has.
         raise DataError(path, f"must be a plain YAML file: {error}") from error
