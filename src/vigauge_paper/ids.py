@@ -1,9 +1,24 @@
-"""Names that results carry, wherever they are written or read."""
+"""Names that results carry, wherever they are written or read: here only, and looked up by name."""
 
 from __future__ import annotations
 
-# The three approaches, in the order of the paper's legends.
-GAUGES = ("fix", "free", "prior")
+# The three approaches, in the order of the paper's legends, and those that are compared with fixation.
+FIX, FREE, PRIOR = "fix", "free", "prior"
+GAUGES = (FIX, FREE, PRIOR)
+NOT_FIXED = (FREE, PRIOR)
+
+# The simulated configurations by name: trajectory and points (Section IV-A).
+TRAJECTORIES = ("sine", "arc", "rec")
+PLANE, RANDOM = "plane", "random"
+POINTS = (PLANE, RANDOM)
+CONFIGURATIONS = {
+    f"{trajectory}_{points}": (trajectory, points) for points in POINTS for trajectory in TRAJECTORIES
+}
+# Left to right in Fig. 7.
+FIGURE7_ORDER = tuple(f"{trajectory}_{points}" for points in (RANDOM, PLANE) for trajectory in TRAJECTORIES)
+
+# Tables of the paper by key: their captions.
+TABLES = {"table1": "Table I", "table2": "Table II", "table3": "Table III"}
 
 # RMSE of position (m), rotation (deg) and velocity (m/s).
 ERRORS = ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps")

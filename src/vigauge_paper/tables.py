@@ -11,7 +11,7 @@ import pandas as pd
 from vigauge.files import write_rows, write_text
 from vigauge.model.archive import load_arrays
 
-from .ids import ERRORS, GAUGES
+from .ids import ERRORS, FIX, FREE, GAUGES, PRIOR
 
 Row = dict[str, object]
 
@@ -31,7 +31,7 @@ def table1(covariance: Path) -> list[Row]:
             "hessian_rows": sizes[gauge],
             "hessian_rank": int(arrays[f"rank_{gauge}"]),
         }
-        for gauge in ("fix", "prior", "free")
+        for gauge in (FIX, PRIOR, FREE)
     ]
 
 
@@ -143,10 +143,10 @@ def wide_errors(
     for case in dict.fromkeys(str(row[key]) for row in rows):
         line: Row = {key: case}
         values = {str(row["gauge"]): row for row in rows if row[key] == case}
-        for gauge in ("fix", "free"):
+        for gauge in (FIX, FREE):
             for error in ERRORS:
                 text = f"{values[gauge][error]:.5f}"
-                other = f"{values['free' if gauge == 'fix' else 'fix'][error]:.5f}"
+                other = f"{values[FREE if gauge == FIX else FIX][error]:.5f}"
                 if float(text) < float(other):
                     text = f"**{text}**"
                 their_case = (names or {}).get(case, case)

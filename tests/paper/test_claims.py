@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from support.results import CONFIGURATIONS, SEQUENCES, Change, Results
+from support.results import Change, Results
 from vigauge_paper.claims import CLAIMS, Criteria, Evidence, explanations, ledger, paired_statistics, reasons
 from vigauge_paper.claims.evidence import NoEvidenceError
 from vigauge_paper.claims.statistics import effect_size
+from vigauge_paper.ids import CONFIGURATIONS
 
 CRITERIA = Criteria(
     accuracy_margin=0.025,
@@ -30,10 +31,11 @@ def evidence(results: Results, source: str = "euroc") -> Evidence:
     return Evidence(
         **results.write(),
         sweep_configuration="sine_plane",
-        sequences=SEQUENCES,
         source=source,
         cpu="made-up processor",
         criteria=CRITERIA,
+        machine_hall="MH_01_easy",
+        vicon_room="V1_01_easy",
     )
 
 

@@ -8,13 +8,14 @@ import pandas as pd
 import pytest
 
 from paper.test_claims import ALTERATIONS, CRITERIA
-from support.results import CONFIGURATIONS, SEQUENCES, Results
+from support.results import SEQUENCES, Results
 from support.simulated import SETTINGS
 from vigauge.errors import ConfigError
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper.claims import CLAIMS
 from vigauge_paper.claims.sensitivity import SWEPT, judge_setting, ranges
 from vigauge_paper.experiments.changes import changed
+from vigauge_paper.ids import CONFIGURATIONS
 
 TABLE2 = pd.DataFrame(
     [

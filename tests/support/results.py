@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from vigauge.model.archive import save_arrays
+from vigauge_paper.ids import CONFIGURATIONS, HEADLINE
 
-CONFIGURATIONS = ("sine_plane", "arc_plane", "rec_plane", "sine_random", "arc_random", "rec_random")
 SEQUENCES = ("MH_01_easy", "V1_01_easy")
 WEIGHTS = ("0", "7", "100", "500", "1e5", "1e8")
 SWEEP_ITERATIONS = (4, 12, 8, 6, 5, 5)
@@ -38,7 +38,7 @@ def solutions(name: str, trials: int = TRIALS) -> pd.DataFrame:
             quicker = 1 if free and name != "sine_random" else 0
             rows.append(
                 {
-                    "noise": "headline",
+                    "noise": HEADLINE,
                     "gauge": gauge,
                     "trial": trial,
                     "status": "function tolerance",
@@ -61,7 +61,7 @@ def timing(name: str, trials: int = TRIALS, repeats: int = REPEATS) -> pd.DataFr
     rows = solutions(name, trials)[["gauge", "trial", "iterations"]]
     rows = rows.merge(pd.DataFrame({"repeat": range(repeats)}), how="cross")
     drift = 1.0 + 0.01 * rows["trial"] + 0.003 * rows["repeat"]
-    return rows.assign(noise="headline", seconds=rows["gauge"].map(each) * rows["iterations"] * drift)
+    return rows.assign(noise=HEADLINE, seconds=rows["gauge"].map(each) * rows["iterations"] * drift)
 
 
 def sweep(trials: int = TRIALS) -> pd.DataFrame:
@@ -175,7 +175,7 @@ def reasons() -> dict[str, pd.DataFrame]:
         for weight, count in zip(WEIGHTS, SWEEP_ITERATIONS, strict=True)
     ]
     return {
-        "orbit": pd.DataFrame({"experiment": CONFIGURATIONS, "relative_change": 1e-15}),
+        "orbit": pd.DataFrame({"experiment": list(CONFIGURATIONS), "relative_change": 1e-15}),
         "yaw": pd.DataFrame(yaw),
         "damping": gauges.assign(initial_radius=1e12),
         "tolerance": gauges,

@@ -17,6 +17,7 @@ ROOT = Path(str(workflow.current_basedir)).resolve().parents[1]
 SOURCE = ROOT / "src"
 sys.path.insert(0, str(SOURCE))
 
+from vigauge_paper.ids import CONFIGURATIONS, FIGURE7_ORDER, HEADLINE, POINTS, TABLES, TRAJECTORIES
 from vigauge_paper.run.configuration import check_config
 from vigauge.errors import ConfigError
 
@@ -32,10 +33,6 @@ if not workflow.deployment_settings.deployment_method:
     search["PATH"] = f"{Path(sys.executable).parent}:{os.environ.get('PATH', '')}"
 exports = " ".join(f"{name}={shlex.quote(value)}" for name, value in search.items())
 shell.prefix(f"set -euo pipefail; export {exports}; ".replace("{", "{{").replace("}", "}}"))
-
-TRAJECTORIES = ["sine", "arc", "rec"]
-LAYOUTS = ["plane", "random"]
-CONFIGURATIONS = [f"{trajectory}_{points}" for points in LAYOUTS for trajectory in TRAJECTORIES]
 
 # More threads than any machine has: Snakemake cuts the number down to all of them, so a
 # timing job runs alone. (`workflow.cores` would make `--unlock` ask for --cores.)
@@ -89,8 +86,6 @@ PUBLISHED_NAMES = {
 SEQUENCES_ARE_PUBLISHED = set(PAPER_SEQUENCES) <= set(PUBLISHED_NAMES)
 # The paper's claims on sequences are judged on its sequences only.
 SOURCE_OF_CLAIMS = SOURCE_OF_SEQUENCES if SEQUENCES_ARE_PUBLISHED or not EUROC_ROOT else "other"
-# Left to right in the paper's Fig. 7.
-FIGURE7_ORDER = [f"{trajectory}_{points}" for points in ("random", "plane") for trajectory in TRAJECTORIES]
 
 PUBLISHED_FOLDER = "data/published"
 # Made by a target of its own; the ledger shows it where it is there.
@@ -131,7 +126,7 @@ FIGURE11_PUBLISHED = (
 
 wildcard_constraints:
     trajectory="|".join(TRAJECTORIES),
-    points="|".join(LAYOUTS),
+    points="|".join(POINTS),
     configuration="|".join(CONFIGURATIONS),
     sequence="|".join(re.escape(name) for name in SEQUENCES),
     scene="hall|room",
@@ -190,7 +185,7 @@ def noise_models(wildcards):
 
 def headline_of(name):
     """The noise model of a sequence's headline results, as JSON."""
-    return json.dumps(json.loads(sequence_section(name, "noise"))["headline"], sort_keys=True)
+    return json.dumps(json.loads(sequence_section(name, "noise"))[HEADLINE], sort_keys=True)
 
 
 def headline_noise(wildcards):
@@ -289,7 +284,7 @@ def whole_configuration():
 
 def paper_targets():
     """Everything in paper_figures/."""
-    tables = [f"{OUT}/table{number}.{ending}" for number in (1, 2, 3) for ending in ("csv", "md", "tex")]
+    tables = [f"{OUT}/{table}.{ending}" for table in TABLES for ending in ("csv", "md", "tex")]
     figures = [f"{OUT}/{name}.{ending}" for name in FIGURES.values() for ending in ("pdf", "png")]
     ledger = [f"{OUT}/{name}" for name in LEDGER_FILES]
     return [*tables, *figures, *ledger]

@@ -17,7 +17,7 @@ FIGURES = {
 
 # What shows a claim: names as the ledger has them.
 EVIDENCE = {
-    **{f"table{number}": f"{OUT}/table{number}.csv" for number in (1, 2, 3)},
+    **{table: f"{OUT}/{table}.csv" for table in TABLES},
     **{key: f"{OUT}/{name}.png" for key, name in FIGURES.items()},
     "claims_statistics": f"{OUT}/claims_statistics.csv",
     **{name: f"data/reasons/{name}.csv" for name in [*REASONS, "free_spread"]},
@@ -364,7 +364,8 @@ rule claims:
             f"{ITERATION_TIME}=data/timing_reasons/{ITERATION_TIME}.csv",
         ],
         sweep_configuration=config["prior"]["sweep_configuration"],
-        sequences=PAPER_SEQUENCES,
+        machine_hall=MACHINE_HALL,
+        vicon_room=VICON_ROOM,
         source=SOURCE_OF_CLAIMS,
         criteria=section("claims"),
         evidence=[f"{name}={file}" for name, file in EVIDENCE.items()],
@@ -376,8 +377,8 @@ rule claims:
         "python -m vigauge_paper.commands.claims --solutions {params.solutions:q} --timings {params.timings:q}"
         " --covariances {params.covariances:q} --reasons {params.reasons:q} --sweep {input.sweep:q}"
         " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
-        " --sweep-configuration {params.sweep_configuration} --sequences {params.sequences:q}"
-        " --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q}"
+        " --sweep-configuration {params.sweep_configuration} --machine-hall {params.machine_hall}"
+        " --vicon-room {params.vicon_room} --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q}"
         " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q}"
         " --evidence {params.evidence:q} {params.sensitivity} --stamps {input.stamps:q} --log {log:q}"
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..ids import CONFIGURATIONS, NOT_FIXED
 from . import reasons
 from .claim import Claim, Finding, spread
 from .evidence import Evidence, NoEvidenceError
 from .statistics import Interval
 
-FREE_NEEDS_FEWER = ("sine_plane", "arc_plane", "rec_plane", "arc_random", "rec_random")
+FREE_NEEDS_FEWER = tuple(name for name in CONFIGURATIONS if name != "sine_random")
 
 
 def _five(e: Evidence) -> list[str]:
@@ -52,7 +53,7 @@ def _free_takes_less_time(e: Evidence) -> Finding:
 
 def _fixation_is_fastest_an_iteration(e: Evidence) -> Finding:
     texts, ratios = [], []
-    for gauge in ("free", "prior"):
+    for gauge in NOT_FIXED:
         ratio: Interval = e.time_ratio(e.configurations, gauge, each=True)
         ratios.append(ratio)
         texts.append(

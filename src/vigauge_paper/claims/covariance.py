@@ -25,7 +25,7 @@ def _grows_simulation(e: Evidence) -> Finding:
 
 
 def _grows_euroc(e: Evidence) -> Finding:
-    return on_euroc(e, *_grows(e, e.sequences[0]))
+    return on_euroc(e, *_grows(e, e.machine_hall))
 
 
 def _spread_under_free(e: Evidence) -> Finding:
@@ -52,13 +52,13 @@ def _converged_simulation(e: Evidence) -> Finding:
 
 
 def _converged_euroc(e: Evidence) -> Finding:
-    name = e.sequences[-1]
+    name = e.vicon_room
     value = float(e.covariance(name)["relative_frobenius_converged"])
     return on_euroc(e, f"{100 * value:.2g} % ({name})", value <= 0.0002)
 
 
 def _ellipses(e: Evidence) -> Finding:
-    name = e.sequences[0]
+    name = e.machine_hall
     transformed, fixed = (reasons.position_variance(e, name, gauge)[1:] for gauge in ("transformed", "fixed"))
     worst = float(np.max(np.abs(transformed / fixed - 1.0)))
     return on_euroc(e, f"position variances differ by up to {100 * worst:.2g} % ({name})", worst < 0.058)

@@ -28,8 +28,8 @@ class Evidence:
 
     ``solutions`` and ``timings`` by name of configuration or sequence; ``covariances`` too;
     ``sweep``, ``sweep_timing``, ``sweep_trace`` of the prior weights, done on ``sweep_configuration``;
-    ``reasons`` by name of the table; ``sequences`` are the names that are image sequences
-    (the paper's MH1, then VI1), from ``source``; ``cpu`` that times were taken on.
+    ``reasons`` by name of the table; ``cpu`` that times were taken on; ``machine_hall`` and ``vicon_room``
+    name the image sequences in the place of the paper's MH1 and VI1, from ``source``, if there are any.
     """
 
     solutions: Mapping[str, Path]
@@ -40,10 +40,15 @@ class Evidence:
     sweep_trace: Path
     sweep_configuration: str
     reasons: Mapping[str, Path]
-    sequences: tuple[str, ...]
     source: str
     cpu: str
     criteria: Criteria
+    machine_hall: str = ""
+    vicon_room: str = ""
+
+    @property
+    def sequences(self) -> tuple[str, ...]:
+        return tuple(name for name in (self.machine_hall, self.vicon_room) if name)
 
     @property
     def configurations(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..ids import ERRORS
+from ..ids import ERRORS, NOT_FIXED
 from .accuracy import ACCURACY
 from .claim import Claim
 from .cost import COST
@@ -63,7 +63,7 @@ def paired_statistics(evidence: Evidence) -> list[Row]:
     """
     rows: list[Row] = []
     for name in evidence.configurations:
-        for gauge in ("free", "prior"):
+        for gauge in NOT_FIXED:
             for column in (*ERRORS, "iterations"):
                 margin = (
                     evidence.criteria.cost_margin

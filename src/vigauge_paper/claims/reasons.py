@@ -9,7 +9,7 @@ import pandas as pd
 from vigauge.geometry.so3 import Array
 
 from ..experiments.free_spread import position_variances
-from ..ids import ERRORS, GAUGES
+from ..ids import ERRORS, FIX, NOT_FIXED
 from .evidence import Evidence, NoEvidenceError
 from .statistics import bootstrap, median
 
@@ -49,7 +49,7 @@ def tolerance(e: Evidence) -> str:
         fix = means.xs("fix", level="gauge")
         worst = {
             gauge: ((means.xs(gauge, level="gauge") - fix) / fix).abs().to_numpy().max()
-            for gauge in ("free", "prior")
+            for gauge in NOT_FIXED
         }
         texts.append(f"{value:g}: free {worst['free']:.1e}, prior {worst['prior']:.1e}")
     return (
@@ -146,11 +146,13 @@ def iteration_time(e: Evidence) -> str:
         middle = wide.median()
         share = 100 * middle["dense 9N"] / middle["free"]
         saved = 100 * (middle["dense 9N"] - middle["dense 9N - 4"]) / middle["free"]
-        groups = [bootstrap([(wide[g] / wide["fix"]).to_numpy()], median, e.criteria) for g in GAUGES[1:]]
+        ratios = ", ".join(
+            f"{gauge} {bootstrap([(wide[gauge] / wide[FIX]).to_numpy()], median, e.criteria)}"
+            for gauge in NOT_FIXED
+        )
         texts.append(
             f"N = {keyframes}: dense solve {share:.1f} % of an iteration of {1e3 * middle['free']:.2g} ms, "
-            f"four rows fewer save {saved:.2g} % of it, ratio to fix measured {GAUGES[1]} {groups[0]}, "
-            f"{GAUGES[2]} {groups[1]}"
+            f"four rows fewer save {saved:.2g} % of it, ratio to fix measured {ratios}"
         )
     return (
         "fixation can save no more than four rows of the dense reduced system. In runs of equal length: "
@@ -222,7 +224,7 @@ def exchange_simulation(e: Evidence) -> str:
 
 def exchange_sequence(e: Evidence) -> str:
     """The exchanged pair, in Fig. 10."""
-    return _exchange(e, e.sequences[-1], "fig10")
+    return _exchange(e, e.vicon_room, "fig10")
 
 
 def _orbit_damping(e: Evidence, names: Iterable[str]) -> str:

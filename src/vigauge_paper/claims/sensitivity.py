@@ -37,7 +37,6 @@ def solutions_only(solutions: Mapping[str, Path], criteria: Criteria) -> Evidenc
         sweep_trace=nothing,
         sweep_configuration="",
         reasons={},
-        sequences=(),
         source="rendered",
         cpu="",
         criteria=criteria,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..ids import GAUGES
 from .claim import Claim, Finding
 from .evidence import Evidence
 
@@ -26,7 +27,7 @@ def _parameters(e: Evidence) -> Finding:
     good, sizes = [], []
     for name in e.covariances:
         arrays = e.covariance(name)
-        rank = {gauge: int(arrays[f"rank_{gauge}"]) for gauge in ("fix", "prior", "free")}
+        rank = {gauge: int(arrays[f"rank_{gauge}"]) for gauge in GAUGES}
         n = 9 * int(arrays["n_keyframes"]) + 3 * int(arrays["n_landmarks"])
         sizes.append(n)
         good.append(int(arrays["n_parameters"]) == n and rank == {"fix": n - 4, "prior": n, "free": n - 4})

@@ -33,10 +33,11 @@ def work(options: argparse.Namespace) -> None:
         sweep_trace=options.sweep_trace,
         sweep_configuration=options.sweep_configuration,
         reasons=dict(options.reasons),
-        sequences=tuple(options.sequences),
         source=options.source,
         cpu=str(machine["processor"]),
         criteria=criteria,
+        machine_hall=options.machine_hall,
+        vicon_room=options.vicon_room,
     )
     rows, reasons = ledger(evidence), explanations(evidence)
     note = (
@@ -109,9 +110,8 @@ def main() -> None:
     arguments.add_argument("--sweep-timing", type=Path, required=True)
     arguments.add_argument("--sweep-trace", type=Path, required=True)
     arguments.add_argument("--sweep-configuration", required=True, help="configuration of the sweep")
-    arguments.add_argument(
-        "--sequences", nargs="+", required=True, help="names among them that are image sequences: MH1, VI1"
-    )
+    arguments.add_argument("--machine-hall", required=True, help="the one in the place of the paper's MH1")
+    arguments.add_argument("--vicon-room", required=True, help="the one in the place of the paper's VI1")
     arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
     arguments.add_argument("--machine", type=Path, required=True, help="what the times were taken on")
     add_section(arguments, "--criteria", "claims")

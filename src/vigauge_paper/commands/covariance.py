@@ -19,7 +19,7 @@ from vigauge.cli.command import LOG
 from vigauge.covariance.covariance import Covariance, motion_pseudo_inverse
 from vigauge.covariance.transform import transform_covariance
 from vigauge.errors import DegenerateError
-from vigauge.gauge.gauges import FixedGauge, PriorGauge
+from vigauge.gauge.gauges import FixedGauge, PriorGauge, three_gauges
 from vigauge.model.archive import load_problems, load_states, load_statuses, save_arrays
 from vigauge.model.evaluation import covariance_defects, relative_frobenius
 from vigauge.model.problem import Problem
@@ -27,6 +27,7 @@ from vigauge.model.state import State
 from vigauge.observability.diagnosis import Diagnosis, diagnose
 from vigauge.observability.spectrum import Spectrum
 from vigauge.solver.levenberg_marquardt import CONVERGED, Status
+from vigauge_paper.ids import FIX, FREE, PRIOR
 from vigauge_paper.run.artefacts import add_prior_weight
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 
@@ -94,19 +95,20 @@ def work(options: argparse.Namespace) -> None:
     problem = load_problems(options.problems)[0]
     if options.noise:
         problem = problem.with_noise(**options.noise)
-    fix, prior, free = load_states(options.states)
+    gauges = three_gauges(options.prior_weight)
+    states = dict(zip(gauges, load_states(options.states), strict=True))
     failed = [
         f"{gauge} ({status})"
-        for gauge, status in zip(("fix", "prior", "free"), load_statuses(options.states), strict=True)
+        for gauge, status in zip(gauges, load_statuses(options.states), strict=True)
         if Status(status) not in CONVERGED
     ]
-    found = diagnose(problem, free)
+    found = diagnose(problem, states[FREE])
     withheld = found.withheld or (f"the run did not converge: {', '.join(failed)}" if failed else "")
     if withheld:
-        save_arrays(options.output, without_covariance(free, found, withheld))
+        save_arrays(options.output, without_covariance(states[FREE], found, withheld))
         LOG.warning("covariance withheld; %s", withheld)
         return
-    arrays = compare_gauges(problem, fix, prior, free, options.prior_weight)
+    arrays = compare_gauges(problem, states[FIX], states[PRIOR], states[FREE], options.prior_weight)
     defects = {name: covariance_defects(np.asarray(arrays[name])) for name in MATRICES}
     for name, found_defects in defects.items():
         if max(found_defects.asymmetry, found_defects.negativity) > DEFECT_LIMIT:
@@ -126,9 +128,7 @@ def work(options: argparse.Namespace) -> None:
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--problems", type=Path, required=True, help="archive; its first problem is used")
-    arguments.add_argument(
-        "--states", type=Path, required=True, help="estimates in the order fix, prior, free"
-    )
+    arguments.add_argument("--states", type=Path, required=True, help="estimates as solve writes them")
     add_prior_weight(arguments)
     arguments.add_argument("--noise", type=json_argument, default={}, help="noise model, as in the config")
     arguments.add_argument(

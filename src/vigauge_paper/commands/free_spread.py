@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 from vigauge.cli.command import LOG
 from vigauge.files import write_rows
 from vigauge.solver.levenberg_marquardt import Options
-from vigauge.synthetic.landmarks import LAYOUTS
 from vigauge.synthetic.scenario import make_scene, make_trial
 from vigauge.synthetic.settings import SimulationSettings
-from vigauge.synthetic.trajectories import TRAJECTORIES
 from vigauge_paper.experiments.free_spread import SpreadSettings, free_spread
+from vigauge_paper.ids import CONFIGURATIONS
 from vigauge_paper.run.artefacts import add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
@@ -27,10 +25,10 @@ Row = dict[str, object]
 def spreads(simulation: SimulationSettings, solver: Options, draws: int) -> list[Row]:
     """The free gauge's spread in other draws of landmarks and noise; no draw is that of the results."""
     rows: list[Row] = []
-    for points, trajectory in product(LAYOUTS, TRAJECTORIES):
+    for name, (trajectory, points) in CONFIGURATIONS.items():
         for draw in range(draws):
             scene = make_scene(trajectory, points, replace(simulation, seed=simulation.seed + 1 + draw))
-            rows.append(free_spread(f"{trajectory}_{points}", draw, make_trial(scene, 0), solver))
+            rows.append(free_spread(name, draw, make_trial(scene, 0), solver))
     LOG.info("%d draws of every configuration", draws)
     return rows
 

@@ -15,6 +15,7 @@ from vigauge.solver.levenberg_marquardt import Options
 from vigauge.synthetic.scenario import make_scene, make_trial
 from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.iteration_time import TimeSettings, dense_times, iteration_times
+from vigauge_paper.ids import CONFIGURATIONS
 from vigauge_paper.run.artefacts import add_prior_weight, add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
@@ -27,7 +28,7 @@ def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
     gauges = three_gauges(options.prior_weight)
     rng = np.random.default_rng(simulation.seed)
-    trajectory, points = options.configuration.split("_")
+    trajectory, points = CONFIGURATIONS[options.configuration]
     rows: list[Row] = []
     for count in times.n_keyframes:
         scene = make_scene(trajectory, points, replace(simulation, n_keyframes=count))
@@ -39,7 +40,12 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--configuration", required=True, help="simulated configuration, e.g. sine_plane")
+    arguments.add_argument(
+        "--configuration",
+        choices=CONFIGURATIONS,
+        required=True,
+        help="simulated configuration, e.g. sine_plane",
+    )
     add_section(arguments, "--simulation", "simulation")
     add_solver(arguments)
     add_prior_weight(arguments)

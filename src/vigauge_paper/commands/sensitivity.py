@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from itertools import product
 from pathlib import Path
 
 from vigauge.cli.command import LOG
@@ -14,7 +13,7 @@ from vigauge.synthetic.scenario import make_scene, make_trials
 from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.changes import changed
 from vigauge_paper.experiments.interleaved import Trial, first_solves, solution_row, solve_interleaved
-from vigauge_paper.ids import HEADLINE
+from vigauge_paper.ids import CONFIGURATIONS, HEADLINE
 from vigauge_paper.run.artefacts import add_prior_weight, add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
@@ -27,13 +26,13 @@ def work(options: argparse.Namespace) -> None:
         options.value,
     )
     gauges = three_gauges(options.prior_weight)
-    for points, trajectory in product(("plane", "random"), ("sine", "arc", "rec")):
+    for name, (trajectory, points) in CONFIGURATIONS.items():
         scene = make_scene(trajectory, points, settings)
         trials = [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(make_trials(scene))]
         solves = solve_interleaved(trials, gauges, solver, clock=lambda: 0.0, warm_up=False)
         rows = [solution_row(solve, scene.truth) for solve in first_solves(solves, gauges)]
-        write_rows(options.output / f"{trajectory}_{points}.csv", rows)
-        LOG.info("%s = %g: %s %s", options.parameter, options.value, trajectory, points)
+        write_rows(options.output / f"{name}.csv", rows)
+        LOG.info("%s = %g: %s", options.parameter, options.value, name)
 
 
 def main() -> None:

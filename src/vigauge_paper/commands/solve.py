@@ -117,7 +117,7 @@ def main() -> None:
     arguments.add_argument("--solutions", type=Path, required=True, help="output: a row a solve")
     arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
     arguments.add_argument(
-        "--states", type=Path, required=True, help="output: estimates of trial 0 (fix, prior, free)"
+        "--states", type=Path, required=True, help="output: estimates of trial 0, a gauge each"
     )
     arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
     arguments.add_argument("--machine", type=Path, required=True, help="output: what it ran on")

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from vigauge.files import write_text
-from vigauge_paper.ids import ERRORS, STAND_IN
+from vigauge_paper.ids import ERRORS, FIX, FREE, STAND_IN
 from vigauge_paper.run.artefacts import add_published_names
 from vigauge_paper.run.stage import parser, run
 from vigauge_paper.tables import markdown
@@ -39,7 +39,7 @@ def _rows(
     their_counts = their_counts.set_index([their_counts.columns[0], "gauge"])["median"]
     rows = []
     for case, their_case in names.items():
-        for gauge in ("fix", "free"):
+        for gauge in (FIX, FREE):
             row: Row = {"case": case.replace("_", " "), "gauge": gauge}
             for error, unit in zip(ERRORS, ("position, m", "rotation, deg", "velocity, m/s"), strict=True):
                 value = float(ours.loc[(case, gauge), error])

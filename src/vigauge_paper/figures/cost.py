@@ -15,7 +15,7 @@ import pandas as pd
 from vigauge.files import write_rows
 
 from ..experiments.timing import timing_of
-from ..ids import GAUGES
+from ..ids import FIX, GAUGES
 from .statistics import box_row, converged_only, from_row, time_per_iteration_ratios
 from .style import (
     COLOURS,
@@ -117,7 +117,7 @@ def draw_cost(
                     panel.plot([], [], color=COLOURS[gauge], marker=MARKERS[gauge], label=LABELS[gauge])
                 if theirs is not None and quantity != "time_s":
                     values = [_published(theirs, published[name], quantity, gauge) for name in solutions]
-                    mark = "paper" if gauge == GAUGES[-1] else None
+                    mark = "paper" if gauge == FIX else None
                     panel.plot(places, values, "x", color=PUBLISHED, markersize=4, label=mark)
             panel.set_ylabel(label)
             panel.grid(True, axis="y")

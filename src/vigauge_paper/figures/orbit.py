@@ -19,6 +19,7 @@ from vigauge.files import write_rows
 from vigauge.geometry.so3 import Array
 from vigauge.solver.levenberg_marquardt import Solution
 
+from ..ids import FIX, FREE, PRIOR
 from .chart import CarriedPerturbation, Chart, carry_perturbation
 from .style import COLOURS, COLUMN, LABELS, MARKERS, new_figure, save_figure
 
@@ -84,7 +85,7 @@ def draw_paths(chart: Chart, solutions: Mapping[str, Solution], stem: Path, prio
         orbit = np.linspace(-1.2, 1.2, 121) / paper.stretch
         axes.plot(*paper.place(orbit, 0.0), color="black", linewidth=1.0)
         axes.plot(*paper.place(gauge_alpha, gauge_s), "--", color=COLOURS["fix"], linewidth=1.0)
-        for gauge in ("prior", "fix", "free"):
+        for gauge in (PRIOR, FIX, FREE):
             alpha, s = located[gauge].T
             label = LABELS[gauge] + (f" ($w^P$ = {prior_weight:g})" if gauge == "prior" else "")
             label += "" if solutions[gauge].converged else f" ({solutions[gauge].status})"

@@ -107,7 +107,8 @@ def test_claims_have_no_evidence_in_it(tmp_path: Path) -> None:
     evidence = Evidence(
         **files,
         sweep_configuration="sine_plane",
-        sequences=("MH_01_easy", "V1_01_easy"),
+        machine_hall="MH_01_easy",
+        vicon_room="V1_01_easy",
         source="euroc",
         cpu="made up",
         criteria=Criteria(0.02, 0.05, 0.1, 0.99, 10, 1, 0.02, 1e-4),
