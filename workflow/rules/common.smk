@@ -17,6 +17,7 @@ ROOT = Path(str(workflow.current_basedir)).resolve().parents[1]
 SOURCE = ROOT / "src"
 sys.path.insert(0, str(SOURCE))
 
+from vigauge_paper.figures.registry import FIGURES
 from vigauge_paper.ids import CONFIGURATIONS, FIGURE7_ORDER, HEADLINE, POINTS, TABLES, TRAJECTORIES
 from vigauge_paper.run.configuration import check_config
 from vigauge.errors import ConfigError
@@ -102,22 +103,14 @@ LEDGER_FILES = [
     "summary.md",
     "environment.json",
 ]
-SUMMARY_FILES = ["table2", "table3", "fig07_simulation_cost", "fig11_euroc_cost"]
+SUMMARY_FILES = ["table2", "table3", *(FIGURES[key].stem for key in ("fig07", "fig11"))]
 COMPARED_FIGURES = ["fig04", "fig05", "fig06", "fig07", "fig11"]
-COMPARED_FILES = [
-    "table2",
-    "table3",
-    "fig04_prior_weight_rmse",
-    "fig05_prior_weight_cost",
-    "fig06_prior_error_paths",
-    "fig07_simulation_cost",
-    "fig11_euroc_cost",
-]
+COMPARED_FILES = ["table2", "table3", *(FIGURES[key].stem for key in COMPARED_FIGURES)]
 SHOW_PUBLISHED = config["figures"]["show_published"]
 PUBLISHED_FLAG = f"--published {PUBLISHED_FOLDER}" if SHOW_PUBLISHED else ""
 # Stand-ins and other sequences are not set beside the paper's EuRoC results.
 FIGURE11_PUBLISHED = (
-    f"{PUBLISHED_FLAG} --published-file fig11_euroc_cost.csv"
+    f"{PUBLISHED_FLAG} --published-file {FIGURES['fig11'].stem}.csv"
     f" --published-names {' '.join(PUBLISHED_NAMES[name] for name in PAPER_SEQUENCES)}"
     if SHOW_PUBLISHED and SEQUENCES_ARE_PUBLISHED
     else ""
@@ -282,10 +275,20 @@ def whole_configuration():
     return json.dumps({**config, "euroc": euroc}, sort_keys=True)
 
 
+def figure_image(key):
+    """The PNG of a figure, with its caption in the report."""
+    return report(f"{OUT}/{FIGURES[key].stem}.png", caption=f"../report/{key}.rst", category="Figures")
+
+
+def beside_image(key):
+    """What stands beside the PNG: the PDF, and the numbers shown."""
+    return multiext(f"{OUT}/{FIGURES[key].stem}", ".pdf", FIGURES[key].numbers)
+
+
 def paper_targets():
     """Everything in paper_figures/."""
     tables = [f"{OUT}/{table}.{ending}" for table in TABLES for ending in ("csv", "md", "tex")]
-    figures = [f"{OUT}/{name}.{ending}" for name in FIGURES.values() for ending in ("pdf", "png")]
+    figures = [f"{OUT}/{figure.stem}.{ending}" for figure in FIGURES.values() for ending in ("pdf", "png")]
     ledger = [f"{OUT}/{name}" for name in LEDGER_FILES]
     return [*tables, *figures, *ledger]
 

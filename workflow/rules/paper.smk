@@ -1,24 +1,10 @@
 """Tables and figures of the paper, the ledger of its claims, and what they were made with."""
 
 OUT = "paper_figures"
-FIGURES = {
-    "fig01": "fig01_euroc_ellipses",
-    "fig02": "fig02_optimisation_paths",
-    "fig03": "fig03_scenes",
-    "fig04": "fig04_prior_weight_rmse",
-    "fig05": "fig05_prior_weight_cost",
-    "fig06": "fig06_prior_error_paths",
-    "fig07": "fig07_simulation_cost",
-    "fig08": "fig08_covariance_transformation",
-    "fig09": "fig09_covariance_simulation",
-    "fig10": "fig10_covariance_euroc",
-    "fig11": "fig11_euroc_cost",
-}
-
 # What shows a claim: names as the ledger has them.
 EVIDENCE = {
     **{table: f"{OUT}/{table}.csv" for table in TABLES},
-    **{key: f"{OUT}/{name}.png" for key, name in FIGURES.items()},
+    **{key: f"{OUT}/{figure.stem}.png" for key, figure in FIGURES.items()},
     "claims_statistics": f"{OUT}/claims_statistics.csv",
     **{name: f"data/reasons/{name}.csv" for name in [*REASONS, "free_spread"]},
     ITERATION_TIME: f"data/timing_reasons/{ITERATION_TIME}.csv",
@@ -130,11 +116,11 @@ rule figure_ellipses:
     input:
         covariance=f"data/covariance/{MACHINE_HALL}.npz",
         stamps=f"data/covariance/{MACHINE_HALL}.stamp.json",
-        published=published_on_sequences("fig01_euroc_ellipses.csv"),
+        published=published_on_sequences(f"{FIGURES['fig01'].stem}.csv"),
         code=code_of("figure_covariance"),
     output:
-        png=report(f"{OUT}/{FIGURES['fig01']}.png", caption="../report/fig01.rst", category="Figures"),
-        beside=multiext(f"{OUT}/{FIGURES['fig01']}", ".pdf", ".csv"),
+        png=figure_image("fig01"),
+        beside=beside_image("fig01"),
     log:
         "logs/paper/fig01.log",
     conda:
@@ -143,7 +129,7 @@ rule figure_ellipses:
         source=SOURCE_OF_SEQUENCES,
         published=published_file_flag,
     message:
-        "Figure 1"
+        FIGURES["fig01"].title
     shell:
         "python -m vigauge_paper.commands.figure_covariance --kind ellipses --covariance {input.covariance:q}"
         " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
@@ -155,12 +141,10 @@ rule figure_orbit:
         stamps=f"data/simulation/{config['prior']['sweep_configuration']}/stamp.json",
         code=code_of("figure_orbit"),
     output:
-        paths=report(f"{OUT}/{FIGURES['fig02']}.png", caption="../report/fig02.rst", category="Figures"),
-        transformation=report(
-            f"{OUT}/{FIGURES['fig08']}.png", caption="../report/fig08.rst", category="Figures"
-        ),
-        beside_paths=multiext(f"{OUT}/{FIGURES['fig02']}", ".pdf", ".csv"),
-        beside_transformation=multiext(f"{OUT}/{FIGURES['fig08']}", ".pdf", ".csv"),
+        paths=figure_image("fig02"),
+        transformation=figure_image("fig08"),
+        beside_paths=beside_image("fig02"),
+        beside_transformation=beside_image("fig08"),
     log:
         "logs/paper/fig02.log",
     conda:
@@ -184,8 +168,8 @@ rule figure_scenes:
         stamps=expand("data/simulation/{name}/stamp.json", name=config["figures"]["scenes"]),
         code=code_of("figure_scenes"),
     output:
-        png=report(f"{OUT}/{FIGURES['fig03']}.png", caption="../report/fig03.rst", category="Figures"),
-        beside=multiext(f"{OUT}/{FIGURES['fig03']}", ".pdf", ".csv"),
+        png=figure_image("fig03"),
+        beside=beside_image("fig03"),
     log:
         "logs/paper/fig03.log",
     conda:
@@ -193,7 +177,7 @@ rule figure_scenes:
     params:
         names=config["figures"]["scenes"],
     message:
-        "Figure 3"
+        FIGURES["fig03"].title
     shell:
         "python -m vigauge_paper.commands.figure_scenes --names {params.names} --truths {input.truths:q}"
         " --paths {input.paths:q} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
@@ -204,16 +188,16 @@ rule figure_prior:
         sweep="data/prior_sweep/sweep.csv",
         timing="data/prior_sweep/timing.csv",
         trace="data/prior_sweep/trace.csv",
-        published=published("fig04_prior_weight_rmse", "fig05_prior_weight_cost", "fig06_prior_error_paths"),
+        published=published(*(FIGURES[key].stem for key in ("fig04", "fig05", "fig06"))),
         stamps="data/prior_sweep/stamp.json",
         code=code_of("figure_prior"),
     output:
-        accuracy=report(f"{OUT}/{FIGURES['fig04']}.png", caption="../report/fig04.rst", category="Figures"),
-        cost=report(f"{OUT}/{FIGURES['fig05']}.png", caption="../report/fig05.rst", category="Figures"),
-        paths=report(f"{OUT}/{FIGURES['fig06']}.png", caption="../report/fig06.rst", category="Figures"),
-        beside_accuracy=multiext(f"{OUT}/{FIGURES['fig04']}", ".pdf", ".csv"),
-        beside_cost=multiext(f"{OUT}/{FIGURES['fig05']}", ".pdf", ".csv"),
-        beside_paths=multiext(f"{OUT}/{FIGURES['fig06']}", ".pdf", ".csv"),
+        accuracy=figure_image("fig04"),
+        cost=figure_image("fig05"),
+        paths=figure_image("fig06"),
+        beside_accuracy=beside_image("fig04"),
+        beside_cost=beside_image("fig05"),
+        beside_paths=beside_image("fig06"),
     log:
         "logs/paper/fig04.log",
     conda:
@@ -232,12 +216,12 @@ rule figure_prior:
 rule figure_simulation_cost:
     input:
         expand("data/solutions/{name}/{file}.csv", name=FIGURE7_ORDER, file=["solutions", "timing"]),
-        published=published("fig07_simulation_cost"),
+        published=published(FIGURES["fig07"].stem),
         stamps=expand("data/solutions/{name}/stamp.json", name=FIGURE7_ORDER),
         code=code_of("figure_cost"),
     output:
-        png=report(f"{OUT}/{FIGURES['fig07']}.png", caption="../report/fig07.rst", category="Figures"),
-        beside=multiext(f"{OUT}/{FIGURES['fig07']}", ".pdf", ".csv"),
+        png=figure_image("fig07"),
+        beside=beside_image("fig07"),
     log:
         "logs/paper/fig07.log",
     conda:
@@ -246,12 +230,13 @@ rule figure_simulation_cost:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=FIGURE7_ORDER),
         timings=expand("{name}=data/solutions/{name}/timing.csv", name=FIGURE7_ORDER),
         names=FIGURE7_ORDER,
+        file=f"{FIGURES['fig07'].stem}.csv",
         published=PUBLISHED_FLAG,
     message:
-        "Figure 7"
+        FIGURES["fig07"].title
     shell:
         "python -m vigauge_paper.commands.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
-        " --source simulation {params.published} --published-file fig07_simulation_cost.csv"
+        " --source simulation {params.published} --published-file {params.file}"
         " --published-names {params.names} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -262,8 +247,8 @@ rule figure_covariance_simulation:
         published=published_files("fig09.npz"),
         code=code_of("figure_covariance"),
     output:
-        png=report(f"{OUT}/{FIGURES['fig09']}.png", caption="../report/fig09.rst", category="Figures"),
-        beside=multiext(f"{OUT}/{FIGURES['fig09']}", ".pdf", ".npz"),
+        png=figure_image("fig09"),
+        beside=beside_image("fig09"),
     log:
         "logs/paper/fig09.log",
     conda:
@@ -271,7 +256,7 @@ rule figure_covariance_simulation:
     params:
         published=published_file_flag,
     message:
-        "Figure 9"
+        FIGURES["fig09"].title
     shell:
         "python -m vigauge_paper.commands.figure_covariance --kind matrices --covariance {input.covariance:q}"
         " --source simulation {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
@@ -284,8 +269,8 @@ rule figure_covariance_sequence:
         published=published_on_sequences("fig10.npz"),
         code=code_of("figure_covariance"),
     output:
-        png=report(f"{OUT}/{FIGURES['fig10']}.png", caption="../report/fig10.rst", category="Figures"),
-        beside=multiext(f"{OUT}/{FIGURES['fig10']}", ".pdf", ".npz"),
+        png=figure_image("fig10"),
+        beside=beside_image("fig10"),
     log:
         "logs/paper/fig10.log",
     conda:
@@ -294,7 +279,7 @@ rule figure_covariance_sequence:
         source=SOURCE_OF_SEQUENCES,
         published=published_file_flag,
     message:
-        "Figure 10"
+        FIGURES["fig10"].title
     shell:
         "python -m vigauge_paper.commands.figure_covariance --kind matrices --covariance {input.covariance:q}"
         " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
@@ -303,12 +288,12 @@ rule figure_covariance_sequence:
 rule figure_sequence_cost:
     input:
         expand("data/solutions/{name}/{file}.csv", name=PAPER_SEQUENCES, file=["solutions", "timing"]),
-        published=published("fig11_euroc_cost"),
+        published=published(FIGURES["fig11"].stem),
         stamps=expand("data/solutions/{name}/stamp.json", name=PAPER_SEQUENCES),
         code=code_of("figure_cost"),
     output:
-        png=report(f"{OUT}/{FIGURES['fig11']}.png", caption="../report/fig11.rst", category="Figures"),
-        beside=multiext(f"{OUT}/{FIGURES['fig11']}", ".pdf", ".csv"),
+        png=figure_image("fig11"),
+        beside=beside_image("fig11"),
     log:
         "logs/paper/fig11.log",
     conda:
@@ -319,7 +304,7 @@ rule figure_sequence_cost:
         source=SOURCE_OF_SEQUENCES,
         published=FIGURE11_PUBLISHED,
     message:
-        "Figure 11"
+        FIGURES["fig11"].title
     shell:
         "python -m vigauge_paper.commands.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
         " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
@@ -409,7 +394,7 @@ rule comparison:
     input:
         f"{OUT}/table2.csv",
         f"{OUT}/table3.csv",
-        expand("{folder}/{name}.csv", folder=OUT, name=[FIGURES[key] for key in COMPARED_FIGURES]),
+        expand("{folder}/{name}.csv", folder=OUT, name=[FIGURES[key].stem for key in COMPARED_FIGURES]),
         published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
         code=code_of("comparison"),
     output:
@@ -440,8 +425,8 @@ rule summary:
         f"{OUT}/table2.md",
         f"{OUT}/table3.csv",
         f"{OUT}/table3.md",
-        f"{OUT}/{FIGURES['fig07']}.csv",
-        f"{OUT}/{FIGURES['fig11']}.csv",
+        f"{OUT}/{FIGURES['fig07'].stem}.csv",
+        f"{OUT}/{FIGURES['fig11'].stem}.csv",
         f"{OUT}/claims.csv",
         published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=SUMMARY_FILES),
         code=code_of("summary"),
@@ -466,7 +451,7 @@ rule summary:
 rule readme:
     input:
         summary=f"{OUT}/summary.md",
-        figure=f"{OUT}/{FIGURES['fig09']}.png",
+        figure=f"{OUT}/{FIGURES['fig09'].stem}.png",
         code=code_of("readme"),
     output:
         touch("data/readme.done"),

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ..figures.registry import FIGURES
 from ..ids import ERRORS
 
 Row = dict[str, object]
@@ -51,22 +52,21 @@ def numbers(artefacts: Path, published: Path, sequences: Mapping[str, str]) -> l
     ``artefacts`` and ``published`` are the folders of our results and of the paper's numbers;
     ``sequences`` maps our names to the paper's, empty where ours are not the paper's.
     """
+
+    def pair(name: str) -> tuple[Path, Path]:
+        file = f"{FIGURES[name].stem if name in FIGURES else name}.csv"
+        return artefacts / file, published / file
+
     out = [
-        *_table(artefacts / "table2.csv", published / "table2.csv", "table2", None),
-        *_prior_accuracy(
-            artefacts / "fig04_prior_weight_rmse.csv", published / "fig04_prior_weight_rmse.csv"
-        ),
-        *_prior_cost(artefacts / "fig05_prior_weight_cost.csv", published / "fig05_prior_weight_cost.csv"),
-        *_prior_paths(artefacts / "fig06_prior_error_paths.csv", published / "fig06_prior_error_paths.csv"),
-        *_cost(
-            artefacts / "fig07_simulation_cost.csv", published / "fig07_simulation_cost.csv", "fig07", None
-        ),
+        *_table(*pair("table2"), "table2", None),
+        *_prior_accuracy(*pair("fig04")),
+        *_prior_cost(*pair("fig05")),
+        *_prior_paths(*pair("fig06")),
+        *_cost(*pair("fig07"), "fig07", None),
     ]
     if sequences:
-        out += _table(artefacts / "table3.csv", published / "table3.csv", "table3", sequences)
-        out += _cost(
-            artefacts / "fig11_euroc_cost.csv", published / "fig11_euroc_cost.csv", "fig11", sequences
-        )
+        out += _table(*pair("table3"), "table3", sequences)
+        out += _cost(*pair("fig11"), "fig11", sequences)
     return out
 
 
