@@ -1,0 +1,72 @@
+"""The examples, and the Python of the README, as a reader runs them."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support import ROOT
+
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SNIPPETS = re.findall(
+    r"^```python\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE | re.DOTALL
+)
+
+
+def printed(code: str, folder: Path) -> str:
+    """What a script prints, run from an empty folder with warnings as errors."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
+    command = [sys.executable, "-W", "error", "-c", code]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def numbers_of(text: str) -> list[float]:
+    return [float(number) for number in re.findall(r"(?<![\w.])-?\d+(?:\.\d*)?(?:e[-+]\d+)?", text)]
+
+
+def example(name: str, folder: Path) -> list[str]:
+    return printed((ROOT / "examples" / name).read_text("utf-8"), folder).splitlines()
+
+
+def test_from_arrays(tmp_path: Path) -> None:
+    first, second = example("from_arrays.py", tmp_path)
+    assert re.fullmatch(r"function tolerance: 76 landmarks, 366 pixels, [4-8] iterations", first)
+    np.testing.assert_allclose(numbers_of(second), [0.0461, 0.0102, 0.0071], rtol=0.01)
+
+
+def test_my_hessian(tmp_path: Path) -> None:
+    first, second = example("my_hessian.py", tmp_path)
+    np.testing.assert_allclose(numbers_of(first)[1:], [0.05949, 0.05845, 0.05477, 0.01065], rtol=1e-3)
+    assert numbers_of(second)[-1] < 1e-12
+
+
+def test_right_increments(tmp_path: Path) -> None:
+    (line,) = example("right_increments.py", tmp_path)
+    assert numbers_of(line)[-1] < 1e-9
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
+def test_examples_are_short_and_tested(path: Path) -> None:
+    assert len(path.read_text("utf-8").splitlines()) < 40
+    assert f'example("{path.name}"' in Path(__file__).read_text("utf-8")
+
+
+def test_the_readme_has_python() -> None:
+    assert SNIPPETS
+
+
+@pytest.mark.parametrize("code", SNIPPETS)
+def test_python_of_the_readme_runs(code: str, tmp_path: Path) -> None:
+    """Catches a call in the README that the library no longer has, or that needs a file."""
+    out = printed(code + "\nprint(*sigma_last_position)", tmp_path)
+    assert out.startswith("function tolerance ")
+    sigmas = numbers_of(out.splitlines()[-1])
+    assert len(sigmas) == 3 and min(sigmas) > 0.0 and max(sigmas) < 0.1
