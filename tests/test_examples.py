@@ -53,6 +53,12 @@ def test_right_increments(tmp_path: Path) -> None:
     assert numbers_of(line)[-1] < 1e-9
 
 
+def test_gnss_factor(tmp_path: Path) -> None:
+    rows = [numbers_of(line) for line in example("gnss_factor.py", tmp_path)]
+    assert [row[:2] for row in rows] == [[0, 4], [1, 1], [2, 0]]
+    np.testing.assert_allclose([row[2] for row in rows], [0.0028, 0.0264, 0.0153], rtol=0.02)
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
 def test_examples_are_short_and_tested(path: Path) -> None:
     assert len(path.read_text("utf-8").splitlines()) < 40

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ..errors import DataError
 from ..gauge.group import orbit_tangent
@@ -320,7 +320,7 @@ def _weak_scale(
     if named or state.n_keyframes < 2 or not state.n_landmarks:
         return ()
     motion, landmark = scaling(problem, state)
-    noise = chi2.ppf(_QUANTILE, max(6 * len(problem.inertial.dt), 1))
+    noise = float(chdtri(max(6 * len(problem.inertial.dt), 1), 1.0 - _QUANTILE))
     change = np.concatenate([motion, landmark.ravel()])
     if change @ equations.times(change) > max(_SIGMAS**2, noise):
         return ()
