@@ -12,9 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
+
 from recovery.compare import differences
 from recovery.kill import disturbed_run
-
 from vigauge.files import write_json
 
 from .conftest import make_project, snakemake
