@@ -10,8 +10,8 @@ import pytest
 
 from support.results import Change, Results
 from vigauge_paper.claims import CLAIMS, Criteria, Evidence, explanations, ledger, paired_statistics, reasons
-from vigauge_paper.claims.evidence import NoEvidenceError
-from vigauge_paper.claims.statistics import effect_size
+from vigauge_paper.experiments.evidence import NoEvidenceError
+from vigauge_paper.experiments.statistics import effect_size
 from vigauge_paper.ids import CONFIGURATIONS
 
 CRITERIA = Criteria(

@@ -14,10 +14,11 @@ from vigauge.solver.levenberg_marquardt import Options, solve
 from vigauge_paper.experiments.exchange import exchange, exchange_published, exchanged
 from vigauge_paper.experiments.first_step import damping_weight, from_published, from_traces
 from vigauge_paper.experiments.free_spread import free_spread, position_variances
-from vigauge_paper.experiments.invariance import cost_on_orbit
-from vigauge_paper.experiments.iteration_time import TimeSettings, dense_times, iteration_times
-from vigauge_paper.experiments.solves import damping_of_orbit, plateau, solve_all
-from vigauge_paper.experiments.yaw_drift import yaw_drift
+from vigauge_paper.experiments.iteration_time import Settings, dense_times, iteration_times
+from vigauge_paper.experiments.orbit import cost_on_orbit
+from vigauge_paper.experiments.plateau import damping_of_orbit, plateau
+from vigauge_paper.experiments.solves import solve_all
+from vigauge_paper.experiments.yaw import yaw_drift
 
 
 def test_cost_is_the_same_on_the_orbit_only() -> None:
@@ -116,7 +117,7 @@ def test_published_pair_is_put_back() -> None:
 def test_iterations_are_timed_at_equal_number() -> None:
     """Catches runs that end by their tolerance: gauges would be timed over different mixes of iterations."""
     ticks = iter(range(10_000))
-    settings = TimeSettings(n_keyframes=(10,), iterations=7, repeats=2)
+    settings = Settings(n_keyframes=(10,), iterations=7, repeats=2)
     rows = iteration_times(
         trial(), {"fix": FixedGauge(), "free": FreeGauge()}, Options(), settings, lambda: float(next(ticks))
     )

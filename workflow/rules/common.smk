@@ -17,6 +17,7 @@ ROOT = Path(str(workflow.current_basedir)).resolve().parents[1]
 SOURCE = ROOT / "src"
 sys.path.insert(0, str(SOURCE))
 
+from vigauge_paper.experiments.registry import TIMED, UNTIMED
 from vigauge_paper.figures.registry import FIGURES
 from vigauge_paper.ids import CONFIGURATIONS, FIGURE7_ORDER, HEADLINE, POINTS, TABLES, TRAJECTORIES
 from vigauge_paper.run.configuration import check_config
@@ -123,6 +124,7 @@ wildcard_constraints:
     configuration="|".join(CONFIGURATIONS),
     sequence="|".join(re.escape(name) for name in SEQUENCES),
     scene="hall|room",
+    experiment="|".join(TIMED),
     fetched="|".join(re.escape(name) for name in FETCHED),
     parameter="|".join(config["sensitivity"]["values"]),
     value="[0-9.e-]+",

@@ -6,8 +6,7 @@ EVIDENCE = {
     **{table: f"{OUT}/{table}.csv" for table in TABLES},
     **{key: f"{OUT}/{figure.stem}.png" for key, figure in FIGURES.items()},
     "claims_statistics": f"{OUT}/claims_statistics.csv",
-    **{name: f"data/reasons/{name}.csv" for name in [*REASONS, "free_spread"]},
-    ITERATION_TIME: f"data/timing_reasons/{ITERATION_TIME}.csv",
+    **REASON_TABLES,
 }
 
 
@@ -314,8 +313,7 @@ rule claims:
     input:
         expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
         expand("data/covariance/{name}.npz", name=EXPERIMENTS),
-        expand("data/reasons/{name}.csv", name=[*REASONS, "free_spread"]),
-        f"data/timing_reasons/{ITERATION_TIME}.csv",
+        list(REASON_TABLES.values()),
         sweep="data/prior_sweep/sweep.csv",
         sweep_timing="data/prior_sweep/timing.csv",
         sweep_trace="data/prior_sweep/trace.csv",
@@ -325,8 +323,7 @@ rule claims:
             *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
             "data/prior_sweep/stamp.json",
             "data/reasons/stamp.json",
-            "data/reasons/free_spread.stamp.json",
-            "data/timing_reasons/stamp.json",
+            *expand("data/timing_reasons/{name}.stamp.json", name=TIMED),
         ],
         code=code_of("claims"),
     output:
@@ -344,10 +341,7 @@ rule claims:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
         timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
         covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
-        reasons=[
-            *expand("{name}=data/reasons/{name}.csv", name=[*REASONS, "free_spread"]),
-            f"{ITERATION_TIME}=data/timing_reasons/{ITERATION_TIME}.csv",
-        ],
+        reasons=[f"{name}={file}" for name, file in REASON_TABLES.items()],
         sweep_configuration=config["prior"]["sweep_configuration"],
         machine_hall=MACHINE_HALL,
         vicon_room=VICON_ROOM,

@@ -1,18 +1,10 @@
 """Experiments that explain the results: what the ledger gives as its reasons."""
 
-REASONS = [
-    "orbit",
-    "yaw",
-    "damping",
-    "tolerance",
-    "weights",
-    "plateau",
-    "squared",
-    "squared_paths",
-    "exchange",
-    "first_step",
-]
-ITERATION_TIME = "iteration_time"
+REASON_TABLES = {
+    **{name: f"data/reasons/{name}.csv" for name in UNTIMED},
+    # Times, and so in a folder of its own: everything in data/reasons is the same bytes again.
+    **{name: f"data/timing_reasons/{name}.csv" for name in TIMED},
+}
 
 
 rule reasons:
@@ -34,7 +26,7 @@ rule reasons:
         ],
         code=code_of("reasons"),
     output:
-        tables=expand("data/reasons/{name}.csv", name=REASONS),
+        tables=[REASON_TABLES[name] for name in UNTIMED],
         stamp="data/reasons/stamp.json",
     log:
         "logs/reasons.log",
@@ -49,7 +41,8 @@ rule reasons:
         published=folder_of_published,
         weight=config["prior"]["weight"],
         solver=section("solver"),
-        settings=section("reasons"),
+        simulation=section("simulation"),
+        settings=json.dumps({k: v for k, v in config["reasons"].items() if k in UNTIMED}, sort_keys=True),
         output=folder_of_output,
     message:
         "Experiments that explain the results"
@@ -57,52 +50,30 @@ rule reasons:
         "python -m vigauge_paper.commands.reasons --problems {params.problems:q} --truths {params.truths:q}"
         " --traces {params.traces:q} --covariances {params.covariances:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --published {params.published:q}"
-        " --prior-weight {params.weight} --solver {params.solver:q} --settings {params.settings:q}"
-        " --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " --simulation {params.simulation:q} --prior-weight {params.weight}"
+        " --solver {params.solver:q} --settings {params.settings:q} --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
-rule free_spread:
-    input:
-        code=code_of("free_spread"),
-    output:
-        table="data/reasons/free_spread.csv",
-        stamp="data/reasons/free_spread.stamp.json",
-    log:
-        "logs/free_spread.log",
-    conda:
-        "../envs/vigauge.yaml"
-    params:
-        simulation=section("simulation"),
-        solver=section("solver"),
-        settings=section("free_spread"),
-    message:
-        "What the draw of the landmarks does to the free gauge"
-    shell:
-        "python -m vigauge_paper.commands.free_spread --simulation {params.simulation:q} --solver {params.solver:q}"
-        " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"
-
-
-# Times, and so in a folder of its own: everything in data/reasons is the same bytes again.
 rule reasons_time:
     input:
         code=code_of("reasons_time"),
     output:
-        table=f"data/timing_reasons/{ITERATION_TIME}.csv",
-        stamp="data/timing_reasons/stamp.json",
+        table="data/timing_reasons/{experiment}.csv",
+        stamp="data/timing_reasons/{experiment}.stamp.json",
     log:
-        "logs/reasons_time.log",
+        "logs/reasons_time/{experiment}.log",
     conda:
         "../envs/vigauge.yaml"
     threads: WHOLE_MACHINE
     params:
-        configuration=config["prior"]["sweep_configuration"],
+        sweep_configuration=config["prior"]["sweep_configuration"],
         simulation=section("simulation"),
         solver=section("solver"),
         weight=config["prior"]["weight"],
-        settings=section("iteration_time"),
+        settings=lambda wildcards: section("reasons", wildcards.experiment),
     message:
-        "What fixation saves of an iteration"
+        "Timing {wildcards.experiment}"
     shell:
-        "python -m vigauge_paper.commands.reasons_time --configuration {params.configuration}"
+        "python -m vigauge_paper.commands.reasons_time --experiment {wildcards.experiment} --configuration {params.sweep_configuration}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
         " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"

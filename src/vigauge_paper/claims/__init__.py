@@ -6,11 +6,11 @@ EuRoC; no run converged). Sameness is judged as equivalence: a paired interval i
 margin. Claims stand by theme, in the order of the paper.
 """
 
+from ..experiments.evidence import Evidence, NoEvidenceError
+from ..experiments.statistics import Criteria, Interval
 from ..ids import ERRORS
 from .claim import Claim, Finding
-from .evidence import Evidence, NoEvidenceError
 from .ledger import CLAIMS, explanations, ledger, paired_statistics
-from .statistics import Criteria, Interval
 
 __all__ = [
     "CLAIMS",

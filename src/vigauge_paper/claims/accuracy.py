@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..experiments.evidence import Evidence
 from ..ids import ERRORS
 from . import reasons
 from .claim import Claim, Finding
-from .evidence import Evidence
 
 
 def _worst_difference(e: Evidence, names: Iterable[str], gauge: str) -> float:

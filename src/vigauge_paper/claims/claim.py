@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from ..experiments.evidence import Evidence
 from ..ids import STAND_IN
-from .evidence import Evidence
 
 Finding = tuple[str, bool | None]
 

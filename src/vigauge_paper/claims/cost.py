@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..experiments.evidence import Evidence, NoEvidenceError
+from ..experiments.statistics import Interval
 from ..ids import CONFIGURATIONS, NOT_FIXED
 from . import reasons
 from .claim import Claim, Finding, spread
-from .evidence import Evidence, NoEvidenceError
-from .statistics import Interval
 
 FREE_NEEDS_FEWER = tuple(name for name in CONFIGURATIONS if name != "sine_random")
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..experiments.evidence import Evidence
+from ..experiments.free_spread import LARGEST_SPREAD, free_ratios, position_variance
 from . import reasons
 from .claim import Claim, Finding, on_euroc
-from .evidence import Evidence
 
 
 def _grows(e: Evidence, name: str) -> tuple[str, bool]:
-    variance = reasons.position_variance(e, name, "fixed")
+    variance = position_variance(e, name, "fixed")
     first, middle, last = (float(part.mean()) for part in np.array_split(variance, 3))
     deviation = 1e3 * np.sqrt([variance[0], first, middle, last])
     text = (
@@ -29,9 +30,9 @@ def _grows_euroc(e: Evidence) -> Finding:
 
 
 def _spread_under_free(e: Evidence) -> Finding:
-    ratios = reasons.free_ratios(e)
+    ratios = free_ratios(e)
     shown = ", ".join(f"{name} {ratio:.2g}" for name, ratio in ratios.items())
-    return f"largest over smallest position variance: {shown}", max(ratios.values()) < reasons.LARGEST_SPREAD
+    return f"largest over smallest position variance: {shown}", max(ratios.values()) < LARGEST_SPREAD
 
 
 def _prior_covariance(e: Evidence) -> Finding:
@@ -59,7 +60,7 @@ def _converged_euroc(e: Evidence) -> Finding:
 
 def _ellipses(e: Evidence) -> Finding:
     name = e.machine_hall
-    transformed, fixed = (reasons.position_variance(e, name, gauge)[1:] for gauge in ("transformed", "fixed"))
+    transformed, fixed = (position_variance(e, name, gauge)[1:] for gauge in ("transformed", "fixed"))
     worst = float(np.max(np.abs(transformed / fixed - 1.0)))
     return on_euroc(e, f"position variances differ by up to {100 * worst:.2g} % ({name})", worst < 0.058)
 

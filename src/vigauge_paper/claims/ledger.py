@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from ..experiments.evidence import Evidence, NoEvidenceError
+from ..experiments.statistics import effect_size
 from ..ids import ERRORS, NOT_FIXED
 from .accuracy import ACCURACY
 from .claim import Claim
 from .cost import COST
 from .covariance import COVARIANCE
-from .evidence import Evidence, NoEvidenceError
 from .prior_weight import PRIOR_WEIGHT
 from .sequences import SEQUENCES
-from .statistics import effect_size
 from .theory import THEORY
 
 Row = dict[str, object]

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from ..experiments.evidence import Evidence, NoEvidenceError
+from ..experiments.plateau import plateau_start
 from ..ids import ERRORS
 from . import reasons
 from .claim import Claim, Finding
-from .evidence import Evidence, NoEvidenceError
 
 # "Smaller prior weights (e.g., 50-500)", Section V-A.
 SMALL_WEIGHTS = (50.0, 500.0)
@@ -63,7 +64,7 @@ def _peak(e: Evidence) -> Finding:
 
 def _cost_settles(e: Evidence) -> Finding:
     means = _means(e)["iterations"]
-    start, last = reasons.plateau_start(means), str(means.index[-1])
+    start, last = plateau_start(means), str(means.index[-1])
     times = e.sweep_times.drop("free", errors="ignore").loc[start:]
     ratio = float(times.max() / times.min())
     text = f"within half an iteration from {start} on; longest over shortest median time there {ratio:.2f}"

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ..experiments.evidence import Evidence, NoEvidenceError
+from ..experiments.statistics import Criteria
 from ..ids import ERRORS
-from .evidence import Evidence, NoEvidenceError
 from .ledger import CLAIMS, VERDICTS
-from .statistics import Criteria
 
 Row = dict[str, object]
 

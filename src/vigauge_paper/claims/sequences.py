@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from ..experiments.evidence import Evidence
 from ..ids import ERRORS
 from . import reasons
 from .claim import Claim, Finding, on_euroc
-from .evidence import Evidence
 
 
 def _iterations(e: Evidence) -> Finding:

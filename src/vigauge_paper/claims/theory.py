@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ..experiments.evidence import Evidence
 from ..ids import GAUGES
 from .claim import Claim, Finding
-from .evidence import Evidence
 
 
 def _invariance(e: Evidence) -> Finding:

@@ -6,9 +6,13 @@ gauge's way a share s / (s + w) is left, where s is the damping in the units of 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pandas as pd
 
-Row = dict[str, object]
+from ..ids import FREE, HEADLINE, PRIOR
+from .evidence import Evidence, NoEvidenceError
+from .experiment import Experiment, Material, NoSettings, Row
 
 
 def damping_weight(with_prior: float, free: float, weight: float) -> float:
@@ -40,3 +44,53 @@ def from_published(name: str, figure6: pd.DataFrame) -> list[Row]:
         for weight, error in first.items()
         if weight != "free"
     ]
+
+
+def rows(material: Material, settings: NoSettings) -> list[Row]:
+    """The sweep, every result, and the paper's Fig. 6."""
+    sweep = pd.read_csv(material.sweep_trace, dtype={"weight": str})
+    weights = {w: float(w) for w in dict.fromkeys(sweep["weight"]) if w != FREE and float(w) > 0.0}
+    out = from_traces("sweep", sweep, weights, "weight")
+    for name, file in material.traces.items():
+        trace = pd.read_csv(file)
+        out += from_traces(name, trace[trace["noise"] == HEADLINE], {PRIOR: material.prior_weight}, "gauge")
+    figure6 = pd.read_csv(material.published / "fig06_prior_error_paths.csv", dtype={"weight": str})
+    return out + from_published("published fig06", figure6)
+
+
+def squared_weight(e: Evidence) -> str:
+    """The weights of the paper's figures multiply the residual: they act as their squares."""
+    steps = e.reason("first_step")
+    theirs = steps[steps["experiment"] == "published fig06"]
+    if theirs.empty:
+        raise NoEvidenceError("no published first steps")
+    plain = theirs["damping_weight"]
+    squares = plain * theirs["weight"].astype(float)
+    return (
+        "the paper's weights act as their squares: the prior error after one step of its Fig. 6 asks for a "
+        f"damping along the orbit of {squares.min():.3g} to {squares.max():.3g} if w^P is the square of the "
+        f"weight shown (the residual of (11) times w), but {plain.min():.2g} to {plain.max():.3g} "
+        "if it is the weight"
+    )
+
+
+def _orbit_damping(e: Evidence, names: Iterable[str]) -> str:
+    steps = e.reason("first_step").set_index("experiment")["damping_weight"]
+    shown = ", ".join(f"{name} {steps[name]:.2g}" for name in names)
+    return f"damping along the orbit, read off the first step, in units of w^P: {shown}"
+
+
+def prior_against_damping(e: Evidence) -> str:
+    """The prior outweighs the damping in simulation."""
+    return f"the prior outweighs the {_orbit_damping(e, e.configurations)}"
+
+
+def prior_against_damping_on_sequences(e: Evidence) -> str:
+    """With their many landmarks the sequences damp the orbit more than the prior pulls."""
+    return (
+        f"with more landmarks the diagonal grows, and so does the {_orbit_damping(e, e.sequences)}; "
+        f"that slows the prior. {squared_weight(e)}"
+    )
+
+
+EXPERIMENT = Experiment("first_step", rows, sentence=squared_weight)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from vigauge.files import write_rows
 from vigauge_paper.run.stage import json_argument
 
 
@@ -58,16 +57,8 @@ def add_published_names(arguments: argparse.ArgumentParser) -> None:
 
 
 def table_files(names: Sequence[str]) -> Callable[[argparse.Namespace], list[Path]]:
-    """The files that :func:`write_tables` makes, for the stage's stamp."""
+    """NAME.csv of each table in the folder ``--output``, for the stage's stamp."""
     return lambda options: [options.output / f"{name}.csv" for name in names]
-
-
-def write_tables(
-    folder: Path, names: Sequence[str], tables: Mapping[str, Sequence[Mapping[str, object]]]
-) -> None:
-    """NAME.csv of each table; other experiments write beside them, so a stage names its own."""
-    for name in names:
-        write_rows(folder / f"{name}.csv", tables[name])
 
 
 def stem_of(text: str) -> Path:

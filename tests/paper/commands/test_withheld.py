@@ -18,8 +18,8 @@ from vigauge.errors import DataError
 from vigauge.model.archive import load_arrays, load_statuses, save_problems, save_states
 from vigauge.model.problem import Problem
 from vigauge.solver.levenberg_marquardt import Options
-from vigauge_paper.claims.evidence import Evidence, NoEvidenceError
-from vigauge_paper.claims.statistics import Criteria
+from vigauge_paper.experiments.evidence import Evidence, NoEvidenceError
+from vigauge_paper.experiments.statistics import Criteria
 from vigauge_paper.figures.ellipses import draw_ellipses
 from vigauge_paper.figures.matrices import draw_covariances
 from vigauge_paper.tables import degenerate, left_out, table1

@@ -13,9 +13,9 @@ import pandas as pd
 from vigauge.errors import VigaugeError
 from vigauge.model.archive import load_arrays
 
-from ..experiments.timing import paired_ratios, timing_of
 from ..ids import GAUGES, HEADLINE
 from .statistics import Criteria, Interval, bootstrap, mean, median
+from .timing import paired_ratios, timing_of
 
 
 class NoEvidenceError(VigaugeError):

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.residuals import cost
 
-Row = dict[str, object]
+from .experiment import Experiment, Material, Row
+
+
+@dataclass(frozen=True)
+class Settings:
+    """``transformations`` of every configuration, drawn with ``seed``."""
+
+    transformations: int
+    seed: int
 
 
 def cost_on_orbit(
@@ -31,3 +41,16 @@ def cost_on_orbit(
             }
         )
     return rows
+
+
+def rows(material: Material, settings: Settings) -> list[Row]:
+    """Every simulated configuration at its start, one generator for all."""
+    rng = np.random.default_rng(settings.seed)
+    out: list[Row] = []
+    for name in material.problems:
+        (problem,) = material.trials(name, 1)
+        out += cost_on_orbit(name, problem, problem.initial, settings.transformations, rng)
+    return out
+
+
+EXPERIMENT = Experiment("orbit", rows, Settings)

@@ -12,7 +12,7 @@ from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options, solve
 
-Row = dict[str, object]
+from .experiment import Experiment, Material, Row, Trials
 
 
 def _yaw(state: State, start: State) -> float:
@@ -50,3 +50,16 @@ def _row(name: str, trial: int, update: str, iteration: int, yaw: float) -> Row:
         "iteration": iteration,
         "yaw_deg": float(np.degrees(yaw)),
     }
+
+
+def rows(material: Material, settings: Trials) -> list[Row]:
+    """Every trial of every simulated configuration."""
+    return [
+        row
+        for name in material.problems
+        for trial, problem in enumerate(material.trials(name, settings.trials))
+        for row in yaw_drift(name, trial, problem, material.solver)
+    ]
+
+
+EXPERIMENT = Experiment("yaw", rows, Trials)

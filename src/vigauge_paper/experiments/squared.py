@@ -8,8 +8,10 @@ import pandas as pd
 
 from vigauge.model.problem import Problem
 from vigauge.solver.levenberg_marquardt import Options
-from vigauge_paper.experiments.interleaved import Row
-from vigauge_paper.experiments.solves import plateau
+
+from .evidence import Evidence
+from .experiment import Experiment, Material, Row, Trials
+from .plateau import plateau
 
 
 def squared_weights(
@@ -31,3 +33,25 @@ def squared_weights(
                 for row in plateau(problems, [weight_used], {"as configured": solver})
             ]
     return rows
+
+
+def rows(material: Material, settings: Trials) -> list[Row]:
+    """The weights and their squares, on the configuration of the sweep."""
+    problems = material.trials(material.sweep_configuration, settings.trials)
+    return squared_weights(material.published, problems, material.solver)
+
+
+def sentence(e: Evidence) -> str:
+    """Our iterations at the squared weights against the published medians."""
+    table = e.reason("squared")
+    means = table.groupby(["label", "power"], sort=False)["iterations"].mean().unstack()
+    medians = table.groupby("label", sort=False)["published_median"].first()
+    shown = [
+        f"{label}: {medians[label]:g} / {means.loc[label, 2]:.1f} (unsquared {means.loc[label, 1]:.1f})"
+        for label in means.index
+    ]
+    counts = f"{', '.join(shown)}{e.left_out('squared')}"
+    return f"Iterations, paper / ours at the squared weight: {counts}"
+
+
+EXPERIMENT = Experiment("squared", rows, Trials, sentence)

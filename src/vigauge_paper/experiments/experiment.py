@@ -1,0 +1,75 @@
+"""An experiment that explains results: what it starts from, its table, and the sentence quoted from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vigauge.model.archive import load_problems, load_states
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.solver.levenberg_marquardt import Options
+from vigauge.synthetic.settings import SimulationSettings
+
+from .evidence import Evidence
+
+Row = dict[str, object]
+
+
+@dataclass(frozen=True)
+class Material:
+    """What experiments start from.
+
+    ``problems`` and ``truths`` of the simulated configurations, ``traces`` and ``covariances`` of all
+    results, by name; ``sweep_trace`` of the prior weights, done on ``sweep_configuration``; ``published``
+    is the folder of the paper's numbers; ``clock`` tells seconds.
+    Files are given to experiments that take no times only.
+    """
+
+    simulation: SimulationSettings
+    solver: Options
+    prior_weight: float
+    sweep_configuration: str
+    clock: Callable[[], float]
+    problems: Mapping[str, Path] = field(default_factory=dict)
+    truths: Mapping[str, Path] = field(default_factory=dict)
+    traces: Mapping[str, Path] = field(default_factory=dict)
+    covariances: Mapping[str, Path] = field(default_factory=dict)
+    sweep_trace: Path = Path()
+    published: Path = Path()
+
+    def trials(self, name: str, count: int) -> list[Problem]:
+        """The first trials of a simulated configuration."""
+        return load_problems(self.problems[name])[:count]
+
+    def truth(self, name: str) -> State:
+        return load_states(self.truths[name])[0]
+
+
+@dataclass(frozen=True)
+class NoSettings:
+    """Of an experiment that reads off what others left."""
+
+
+@dataclass(frozen=True)
+class Trials:
+    """``trials`` of every simulated configuration that is used."""
+
+    trials: int
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """``name`` of its table and of its part of config section 'reasons', read as ``settings``.
+
+    ``rows`` makes the table from the material and the settings; ``sentence`` is what the ledger quotes, if it
+    does; ``timed``: its numbers are seconds, and differ from run to run.
+    """
+
+    name: str
+    rows: Callable[[Material, Any], list[Row]]
+    settings: type[Any] = NoSettings
+    sentence: Callable[[Evidence], str] | None = None
+    timed: bool = False

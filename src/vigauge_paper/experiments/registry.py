@@ -1,0 +1,36 @@
+"""The experiments that explain results, in the order in which they run."""
+
+from __future__ import annotations
+
+from . import (
+    damping,
+    exchange,
+    first_step,
+    free_spread,
+    iteration_time,
+    orbit,
+    plateau,
+    squared,
+    squared_paths,
+    tolerance,
+    weights,
+    yaw,
+)
+
+_ALL = (
+    orbit.EXPERIMENT,
+    yaw.EXPERIMENT,
+    damping.EXPERIMENT,
+    tolerance.EXPERIMENT,
+    weights.EXPERIMENT,
+    plateau.EXPERIMENT,
+    squared.EXPERIMENT,
+    squared_paths.EXPERIMENT,
+    exchange.EXPERIMENT,
+    first_step.EXPERIMENT,
+    free_spread.EXPERIMENT,
+    iteration_time.EXPERIMENT,
+)
+EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
+UNTIMED = tuple(name for name, experiment in EXPERIMENTS.items() if not experiment.timed)
+TIMED = tuple(name for name, experiment in EXPERIMENTS.items() if experiment.timed)
