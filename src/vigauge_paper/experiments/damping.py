@@ -59,4 +59,4 @@ def sentence(e: Evidence) -> str:
     )
 
 
-EXPERIMENT = Experiment("damping", rows, Settings, sentence)
+EXPERIMENT = Experiment("damping", rows, Settings)

@@ -1,4 +1,4 @@
-"""An experiment that explains results: what it starts from, its table, and the sentence quoted from it."""
+"""An experiment that explains results: what it starts from, its settings and its table."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge.synthetic.settings import SimulationSettings
-
-from .evidence import Evidence
 
 Row = dict[str, object]
 
@@ -64,12 +62,11 @@ class Trials:
 class Experiment:
     """``name`` of its table and of its part of config section 'reasons', read as ``settings``.
 
-    ``rows`` makes the table from the material and the settings; ``sentence`` is what the ledger quotes, if it
-    does; ``timed``: its numbers are seconds, and differ from run to run.
+    ``rows`` makes the table from the material and the settings; ``timed``: its numbers are seconds, and
+    differ from run to run. The sentences that the ledger quotes stand in the same file, as functions.
     """
 
     name: str
     rows: Callable[[Material, Any], list[Row]]
     settings: type[Any] = NoSettings
-    sentence: Callable[[Evidence], str] | None = None
     timed: bool = False

@@ -93,4 +93,4 @@ def prior_against_damping_on_sequences(e: Evidence) -> str:
     )
 
 
-EXPERIMENT = Experiment("first_step", rows, sentence=squared_weight)
+EXPERIMENT = Experiment("first_step", rows)

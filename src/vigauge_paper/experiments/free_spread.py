@@ -102,4 +102,4 @@ def sentence(e: Evidence) -> str:
     return text if 2 * inside > len(drawn) else f"not explained: {text}"
 
 
-EXPERIMENT = Experiment("free_spread", rows, Settings, sentence)
+EXPERIMENT = Experiment("free_spread", rows, Settings)

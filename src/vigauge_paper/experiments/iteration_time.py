@@ -125,4 +125,4 @@ def sentence(e: Evidence) -> str:
     )
 
 
-EXPERIMENT = Experiment("iteration_time", rows, Settings, sentence, timed=True)
+EXPERIMENT = Experiment("iteration_time", rows, Settings, timed=True)

@@ -107,4 +107,4 @@ def sentence(e: Evidence) -> str:
     )
 
 
-EXPERIMENT = Experiment("plateau", rows, Settings, sentence)
+EXPERIMENT = Experiment("plateau", rows, Settings)

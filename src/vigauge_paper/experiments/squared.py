@@ -54,4 +54,4 @@ def sentence(e: Evidence) -> str:
     return f"Iterations, paper / ours at the squared weight: {counts}"
 
 
-EXPERIMENT = Experiment("squared", rows, Trials, sentence)
+EXPERIMENT = Experiment("squared", rows, Trials)

@@ -48,4 +48,4 @@ def sentence(e: Evidence) -> str:
     return f"largest difference of mean RMSE to fixation by w^P: {shown}"
 
 
-EXPERIMENT = Experiment("weights", rows, Settings, sentence)
+EXPERIMENT = Experiment("weights", rows, Settings)
