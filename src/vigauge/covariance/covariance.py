@@ -83,6 +83,8 @@ class Covariance:
         """As :meth:`of`, from normal equations at hand."""
         group = YawTranslation() if group is None else group
         tangent = group.tangent(state)
+        if not problem.factors:
+            return cls(equations, state, problem.initial, tangent, (), group)
         along = seen_along(problem, state, tangent)
         measured: list[bool] = (along != 0.0).any(axis=0).tolist()
         names = tuple(name for name, seen in zip(group.directions, measured, strict=True) if seen)
@@ -101,10 +103,9 @@ class Covariance:
 
     @cached_property
     def _held(self) -> Index:
-        first = first_pose_columns(self.state)
+        if isinstance(self.group, YawTranslation) and not self.measured:
+            return first_pose_columns(self.state)
         motion = self.U[: 9 * self.state.n_keyframes]
-        if self.U.shape[1] == len(first) and _cuts(motion[first]):
-            return first
         # Rows of U that are far from dependent: holding them stops every open direction.
         layout = self.reduced.structure.layout
         scale = np.sqrt(layout.diagonal(self.reduced.storage)[layout.stored])
@@ -173,10 +174,6 @@ class Covariance:
         return _Projection.of(self, gauge, landmarks)
 
 
-def _cuts(rows: Array) -> bool:
-    return bool(np.linalg.cond(rows) < 1e12)
-
-
 @dataclass(frozen=True)
 class _Projection:
     """What takes G, the inverse with columns held, to a gauge: Q G Q^T + B B^T.
@@ -214,7 +211,12 @@ class _Projection:
         # A prior on what G holds says nothing of the shape.
         same = prior is not None and np.array_equal(prior.columns, covariance._held)
         A = None if same else cls._half_update(covariance, V, W, landmarks)
-        return cls(A, W, W if prior is not None else None, _single_rows(V) if prior is None else held[:0])
+        return cls(
+            A,
+            W,
+            W if prior is not None else None,
+            held[:0] if same_as_free or prior is not None else _single_rows(V),
+        )
 
     @staticmethod
     def _half_update(covariance: Covariance, V: Array, W: Array, landmarks: bool) -> Array:
