@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..geometry.so3 import Array
 from .compiled import part
+from .lanes import Index
 from .sizes import KEYFRAME
 
 
@@ -17,13 +18,14 @@ def vector_to_total(vector: Array, at: int, chain: Array) -> None:
 
 @part
 def system_to_total(
-    storage: Array, at: int, stride: int, half_bandwidth: int, size: int, chain: Array
+    storage: Array, gradient: Array, at: int, stride: int, half_bandwidth: int, chain: Array
 ) -> None:
-    """T^T S T of a stored lower triangle in place; T is the identity with ``chain`` at ``at``.. .
+    """T^T S T of a stored lower triangle and T^T g, in place; T is the identity with ``chain`` at ``at``.. .
 
     Entry (r, c) is ``storage[c * stride + r]``. Blocks of keyframes that the band does not reach are zero.
     """
-    own = at - at % KEYFRAME
+    vector_to_total(gradient, at, chain)
+    own, size = at - at % KEYFRAME, len(gradient)
     reach = (half_bandwidth + 1) // KEYFRAME * KEYFRAME
     for c in range(max(own + KEYFRAME - reach, 0), at):
         start = c * stride + at
@@ -47,12 +49,45 @@ def system_to_total(
 
 
 @part
-def diagonal_to_total(storage: Array, at: int, stride: int, chain: Array, out: Array, row: int) -> None:
-    """The three diagonal entries of :func:`system_to_total`'s result, into ``out`` from ``row`` on."""
-    start = at * (stride + 1)
+def total_equations(
+    storage: Array,
+    motion_gradient: Array,
+    landmark: Array,
+    landmark_gradient: Array,
+    stored: Index,
+    at: int,
+    stride: int,
+    chain: Array,
+    diagonal: Array,
+    gradient: Array,
+) -> None:
+    """Diagonal of H and g, (9N + 3K,) each, in the package's order and by total increments.
+
+    H is a motion block stored as in :func:`system_to_total` and blocks (K, 3, 3) of landmarks.
+    """
+    n = len(stored)
+    for i in range(n):
+        diagonal[i] = storage[stored[i] * (stride + 1)]
+        gradient[i] = motion_gradient[stored[i]]
+    for j in range(len(landmark)):
+        for a in range(3):
+            diagonal[n + 3 * j + a] = landmark[j, a, a]
+            gradient[n + 3 * j + a] = landmark_gradient[j, a]
+    row, start = n // 3, at * (stride + 1)
+    vector_to_total(gradient, row, chain)
     s00, s10, s20 = storage[start], storage[start + 1], storage[start + 2]
     s11, s21, s22 = storage[start + stride + 1], storage[start + stride + 2], storage[start + 2 * stride + 2]
     for b in range(3):
         x, y, z = chain[0, b], chain[1, b], chain[2, b]
         u, v, w = s00 * x + s10 * y + s20 * z, s10 * x + s11 * y + s21 * z, s20 * x + s21 * y + s22 * z
-        out[row + b] = x * u + y * v + z * w
+        diagonal[row + b] = x * u + y * v + z * w
+
+
+@part
+def to_left(motion: Array, stored: Index, at: int, chain: Array, out: Array) -> None:
+    """A motion step (9N,) in stored order: into ``out`` in the package's order, then in place by left increments."""
+    for i in range(len(stored)):
+        out[i] = motion[stored[i]]
+    x, y, z = motion[at], motion[at + 1], motion[at + 2]
+    for a in range(3):
+        motion[at + a] = chain[a, 0] * x + chain[a, 1] * y + chain[a, 2] * z

@@ -88,18 +88,6 @@ def add_squares(diagonal: Array, at: Index, jacobian: Array) -> None:
 
 
 @part
-def diagonal(storage: Array, stored: Index, stride: int, landmark: Array, out: Array) -> None:
-    """Diagonal of H into ``out`` (9N + 3K,): of a stored lower triangle in the order of ``stored``, and of
-    the landmarks' blocks (K, 3, 3)."""
-    n = len(stored)
-    for i in range(n):
-        out[i] = storage[stored[i] * (stride + 1)]
-    for j in range(len(landmark)):
-        for a in range(3):
-            out[n + 3 * j + a] = landmark[j, a, a]
-
-
-@part
 def add_diagonal(storage: Array, stored: Index, stride: int, values: Array) -> None:
     """Add ``values`` (9N or more) to a stored lower triangle's diagonal, in the order of ``stored``."""
     for i in range(len(stored)):

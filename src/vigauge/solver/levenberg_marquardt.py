@@ -265,7 +265,7 @@ class _Run:
 
     def _linearise(self) -> None:
         self.equations = self.objective.linearise(self.here)
-        self.diagonal, self.gradient = self.equations.diagonal(), self.equations.gradient
+        self.diagonal, self.gradient = self.equations.diagonal_and_gradient()
         self.gradient[self.held] = 0.0
 
     def _step(self) -> tuple[Array | None, float]:

@@ -75,36 +75,39 @@ class NormalEquations:
     @property
     def gradient(self) -> Array:
         """(9N + 3K,) g = J^T r."""
-        layout = self.structure.layout
-        out = np.empty(layout.size + self.landmark_gradient.size)
-        motion = out[: layout.size]
-        np.take(self.motion_gradient, layout.stored, out=motion)
-        first_rotation_kernels.vector_to_total(motion, layout.size // 3, self.chain)
-        for factor in self.total:
-            symmetric.add_gradient(motion, factor.columns, factor.jacobian, factor.residual)
-        out[layout.size :] = self.landmark_gradient.ravel()
-        return out
+        return self.diagonal_and_gradient()[1]
 
     def diagonal(self) -> Array:
         """(9N + 3K,) diagonal of H."""
+        return self.diagonal_and_gradient()[0]
+
+    def diagonal_and_gradient(self) -> tuple[Array, Array]:
+        """(9N + 3K,) diagonal of H, and g = J^T r."""
         layout = self.structure.layout
-        out = np.empty(layout.size + 3 * len(self.landmark))
-        symmetric.diagonal(self.storage, layout.stored, layout.stride, self.landmark, out)
-        first_rotation_kernels.diagonal_to_total(
-            self.storage, layout.first_rotation, layout.stride, self.chain, out, layout.size // 3
+        diagonal, gradient = np.empty((2, layout.size + 3 * len(self.landmark)))
+        first_rotation_kernels.total_equations(
+            self.storage,
+            self.motion_gradient,
+            self.landmark,
+            self.landmark_gradient,
+            layout.stored,
+            layout.first_rotation,
+            layout.stride,
+            self.chain,
+            diagonal,
+            gradient,
         )
         for factor in self.total:
-            symmetric.add_squares(out, factor.columns, factor.jacobian)
-        return out
+            symmetric.add_gradient(gradient, factor.columns, factor.jacobian, factor.residual)
+            symmetric.add_squares(diagonal, factor.columns, factor.jacobian)
+        return diagonal, gradient
 
     def _to_total(self, storage: Array, gradient: Array) -> None:
         """Take a stored system and its gradient to total increments, add the ``total`` factors; in place."""
         layout = self.structure.layout
-        at = layout.first_rotation
         first_rotation_kernels.system_to_total(
-            storage, at, layout.stride, layout.half_bandwidth, layout.size, self.chain
+            storage, gradient, layout.first_rotation, layout.stride, layout.half_bandwidth, self.chain
         )
-        first_rotation_kernels.vector_to_total(gradient, at, self.chain)
         for factor in self.total:
             add_factor(factor, layout, storage, gradient)
 
@@ -257,9 +260,7 @@ class ReducedSystem:
             right[layout.stored[held]] = 0.0
         motion = layout.factorise(storage).solve(right)
         step = np.empty(layout.size + 3 * s.n_landmarks)
-        step[: layout.size] = motion[layout.stored]
-        first = slice(layout.first_rotation, layout.first_rotation + 3)
-        motion[first] = self.chain @ motion[first]
+        first_rotation_kernels.to_left(motion, layout.stored, layout.first_rotation, self.chain, step)
         schur.back_substitute(
             self.couplings,
             self.factor,
@@ -379,10 +380,10 @@ def inertial_information(problem: Problem, state: State) -> Array:
     )
     first_rotation_kernels.system_to_total(
         storage,
+        gradient,
         layout.first_rotation,
         layout.stride,
         layout.half_bandwidth,
-        layout.size,
         first_rotation.chain(state),
     )
     return layout.dense(storage)
