@@ -6,6 +6,8 @@ from __future__ import annotations
 FIX, FREE, PRIOR = "fix", "free", "prior"
 GAUGES = (FIX, FREE, PRIOR)
 NOT_FIXED = (FREE, PRIOR)
+# The prior whose weight is its information, as the paper's text says; its figures say otherwise.
+PRIOR_AS_PRINTED = "prior_as_printed"
 
 # The simulated configurations by name: trajectory and points (Section IV-A).
 TRAJECTORIES = ("sine", "arc", "rec")

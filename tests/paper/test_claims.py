@@ -13,6 +13,7 @@ from vigauge_paper.claims import CLAIMS, Criteria, Evidence, explanations, ledge
 from vigauge_paper.experiments.evidence import NoEvidenceError
 from vigauge_paper.experiments.statistics import effect_size
 from vigauge_paper.ids import CONFIGURATIONS
+from vigauge_paper.prior import RESIDUAL
 
 CRITERIA = Criteria(
     accuracy_margin=0.025,
@@ -34,6 +35,7 @@ def evidence(results: Results, source: str = "euroc") -> Evidence:
         source=source,
         cpu="made-up processor",
         criteria=CRITERIA,
+        reading=RESIDUAL,
         machine_hall="MH_01_easy",
         vicon_room="V1_01_easy",
     )

@@ -12,11 +12,10 @@ from support.simulated import scene, trial
 from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge, three_gauges
 from vigauge.solver.levenberg_marquardt import Options, solve
 from vigauge_paper.experiments.exchange import exchange, exchange_published, exchanged
-from vigauge_paper.experiments.first_step import damping_weight, from_published, from_traces
 from vigauge_paper.experiments.free_spread import free_spread, position_variances
 from vigauge_paper.experiments.iteration_time import Settings, dense_times, iteration_times
 from vigauge_paper.experiments.orbit import cost_on_orbit
-from vigauge_paper.experiments.plateau import damping_of_orbit, plateau
+from vigauge_paper.experiments.reading import PAPER, QUANTITIES, pulls, slopes
 from vigauge_paper.experiments.solves import solve_all
 from vigauge_paper.experiments.yaw import yaw_drift
 
@@ -51,39 +50,23 @@ def test_without_damping_the_gauges_take_equal_counts() -> None:
     assert means.max() - means.min() < 0.5
 
 
-def test_damping_of_the_orbit_goes_with_the_radius() -> None:
-    problem = trial()
-    assert damping_of_orbit(problem, 1e4) == pytest.approx(100 * damping_of_orbit(problem, 1e6))
+def test_slope_of_the_first_step_tells_what_the_weight_multiplies() -> None:
+    """Catches a slope that is two whatever the runs did."""
+    problem, weights = trial(), ("7", "100", "500")
+    rows = []
+    for source, power in {PAPER: 2, "information": 1}.items():
+        gauges = {"free": FreeGauge(), **{w: PriorGauge(float(w) ** power) for w in weights}}
+        steps = {label: solve(problem, gauge).trace[1] for label, gauge in gauges.items()}
+        for quantity, name in QUANTITIES.items():
+            rows += pulls(source, quantity, pd.Series({w: getattr(s, name) for w, s in steps.items()}))
+    found = slopes(pd.DataFrame(rows))
+    assert found[PAPER, "position_m"] == pytest.approx(2.0, abs=0.1)
+    assert found["information", "position_m"] == pytest.approx(1.0, abs=0.1)
 
 
-def test_first_step_gives_the_damping_along_the_orbit() -> None:
-    """Catches a first-step estimate that depends on the weight, as one with w for its square would."""
-    problem = trial()
-    traces = []
-    for label, gauge in {"free": FreeGauge(), "10": PriorGauge(10.0), "40": PriorGauge(40.0)}.items():
-        for number, row in enumerate(solve(problem, gauge).trace):
-            traces.append(
-                {"trial": 0, "gauge": label, "iteration": number, "prior_position_m": row.prior_position_m}
-            )
-    rows = from_traces("sine", pd.DataFrame(traces), {"10": 10.0, "40": 40.0}, "gauge")
-    small, large = (float(str(row["damping_weight"])) for row in rows)
-    assert small == pytest.approx(large, rel=0.05)
-    assert 0.1 < small / damping_of_orbit(problem, 1e4) < 10.0
-    assert np.isnan(damping_weight(0.2, 0.1, 5.0))
-
-
-def test_published_first_steps_leave_out_the_free_gauge() -> None:
-    figure = pd.DataFrame(
-        {"panel": "position_m", "step": 1, "weight": ["free", "7"], "prior_error": [0.3, 0.1]}
-    )
-    (row,) = from_published("paper", figure)
-    assert row["damping_weight"] == pytest.approx(3.5)
-
-
-def test_variants_of_the_plateau_keep_their_options() -> None:
-    table = pd.DataFrame(plateau([trial()], ["0", "1e5"], {"a": Options(), "b": Options(initial_radius=1e6)}))
-    assert table.groupby("variant")["initial_radius"].unique().map(list).to_dict() == {"a": [1e4], "b": [1e6]}
-    assert len(table) == 4
+def test_weights_that_pull_all_or_nothing_have_no_pull() -> None:
+    rows = pulls(PAPER, "position_m", pd.Series({"free": 0.3, "7": 0.1, "0": 0.3, "1e8": 0.0}))
+    assert [(row["weight"], row["pull"]) for row in rows] == [(7.0, pytest.approx(2.0))]
 
 
 def test_exchanging_twice_is_nothing_and_once_shows() -> None:

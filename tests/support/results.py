@@ -15,6 +15,7 @@ import pandas as pd
 
 from vigauge.model.archive import save_arrays
 from vigauge_paper.ids import CONFIGURATIONS, HEADLINE
+from vigauge_paper.prior import INFORMATION, READINGS, RESIDUAL
 
 SEQUENCES = ("MH_01_easy", "V1_01_easy")
 WEIGHTS = ("0", "7", "100", "500", "1e5", "1e8")
@@ -81,11 +82,15 @@ def sweep(trials: int = TRIALS) -> pd.DataFrame:
         for number, (weight, iterations) in enumerate(zip(WEIGHTS, SWEEP_ITERATIONS, strict=True))
         for trial in range(trials)
     ]
-    return pd.DataFrame(rows)
+    return _both_readings(pd.DataFrame(rows))
+
+
+def _both_readings(table: pd.DataFrame) -> pd.DataFrame:
+    return pd.concat([table.assign(reading=reading) for reading in READINGS], ignore_index=True)
 
 
 def sweep_timing(trials: int = TRIALS) -> pd.DataFrame:
-    rows = sweep(trials)[["weight", "trial", "iterations"]]
+    rows = sweep(trials)[["reading", "weight", "trial", "iterations"]]
     return rows.assign(repeat=0, seconds=1e-3 * rows["iterations"] * (1.0 + 0.01 * rows["trial"]))
 
 
@@ -115,7 +120,7 @@ def sweep_trace() -> pd.DataFrame:
         for weight in ("free", *WEIGHTS)
         for iteration in range(5)
     ]
-    return pd.DataFrame(rows)
+    return _both_readings(pd.DataFrame(rows))
 
 
 def _pull(weight: str, iteration: int) -> float:
@@ -157,37 +162,12 @@ def reasons() -> dict[str, pd.DataFrame]:
         for i in range(3)
     ]
     names = (*CONFIGURATIONS, *SEQUENCES)
-    published = [
-        {"experiment": "published fig06", "weight": w, "damping_weight": 3e4 / w} for w in (7.0, 100.0)
-    ]
-    plateau = [
-        {
-            "variant": variant,
-            "initial_radius": 1e4,
-            "function_tolerance": 1e-6,
-            "trial": 0,
-            "weight": weight,
-            "damping_weight": 1e4,
-            "converged": True,
-            "iterations": count,
-        }
-        for variant in ("as configured", "radius")
-        for weight, count in zip(WEIGHTS, SWEEP_ITERATIONS, strict=True)
-    ]
     return {
         "orbit": pd.DataFrame({"experiment": list(CONFIGURATIONS), "relative_change": 1e-15}),
         "yaw": pd.DataFrame(yaw),
         "damping": gauges.assign(initial_radius=1e12),
         "tolerance": gauges,
         "weights": weights,
-        "plateau": pd.DataFrame(plateau),
-        "squared": pd.DataFrame(
-            [
-                {"label": label, "power": power, "published_median": 5, "iterations": 5}
-                for label in ("7", "100")
-                for power in (1, 2)
-            ]
-        ),
         "exchange": pd.DataFrame(
             {
                 "experiment": [*names, "published fig09", "published fig10"],
@@ -215,8 +195,13 @@ def reasons() -> dict[str, pd.DataFrame]:
                 for draw in range(3)
             ]
         ),
-        "first_step": pd.DataFrame(
-            [{"experiment": name, "weight": 1e5, "damping_weight": 1e4} for name in names] + published
+        "reading": pd.DataFrame(
+            [
+                {"source": source, "quantity": quantity, "weight": w, "pull": 1e-5 * w**power}
+                for source, power in (("paper", 2), (RESIDUAL, 2), (INFORMATION, 1))
+                for quantity in ("position_m", "yaw_rad")
+                for w in (7.0, 100.0)
+            ]
         ),
     }
 
@@ -241,7 +226,7 @@ def covariance(n_keyframes: int = 3) -> dict[str, np.ndarray | float | int]:
         "relative_frobenius_same_point": 1e-12,
         "relative_frobenius_converged": 1e-5,
         "relative_frobenius_prior": 1e-3,
-        "relative_frobenius_prior_squared": 1e-8,
+        "relative_frobenius_prior_as_printed": 1e-3,
         "p_W_free": p_W,
         "p_W_transformed": p_W,
         "p_W_fixed": p_W,

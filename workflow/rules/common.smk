@@ -20,6 +20,7 @@ sys.path.insert(0, str(SOURCE))
 from vigauge_paper.experiments.registry import TIMED, UNTIMED
 from vigauge_paper.figures.registry import FIGURES
 from vigauge_paper.ids import CONFIGURATIONS, FIGURE7_ORDER, HEADLINE, POINTS, TABLES, TRAJECTORIES
+from vigauge_paper.prior import information
 from vigauge_paper.run.configuration import check_config
 from vigauge.errors import ConfigError
 
@@ -64,6 +65,10 @@ if unswept:
     raise WorkflowError(
         f"configuration, figures.path_weights: must be among prior.sweep_weights (found {unswept})"
     )
+
+# As solves need it, and with both meanings of its weight.
+PRIOR_INFORMATION = information(config["prior"]["weight"], config["prior"]["reading"])
+PRIOR_FLAGS = f"--prior-weight {config['prior']['weight']} --prior-reading {config['prior']['reading']}"
 
 # Folders below the root, which are also the names in data/euroc_sources.csv.
 FETCHED = sorted({entry["folder"] for entry in config["euroc"]["sequences"].values()})

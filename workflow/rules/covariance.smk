@@ -15,12 +15,12 @@ rule covariance_simulation:
     conda:
         "../envs/vigauge.yaml"
     params:
-        weight=config["prior"]["weight"],
+        prior=PRIOR_FLAGS,
     message:
         "Covariances of {wildcards.configuration}"
     shell:
         "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
-        " --prior-weight {params.weight} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " {params.prior} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 rule covariance_sequence:
@@ -37,10 +37,10 @@ rule covariance_sequence:
     conda:
         "../envs/vigauge.yaml"
     params:
-        weight=config["prior"]["weight"],
+        prior=PRIOR_FLAGS,
         noise=headline_noise,
     message:
         "Covariances of {wildcards.sequence}"
     shell:
         "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
-        " --prior-weight {params.weight} --noise {params.noise:q} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " {params.prior} --noise {params.noise:q} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

@@ -151,12 +151,12 @@ rule figure_orbit:
     params:
         solver=section("solver"),
         trial=config["figures"]["orbit_trial"],
-        weight=config["figures"]["orbit_prior_weight"],
+        information=config["figures"]["orbit_prior_weight"],
     message:
         "Figures 2 and 8"
     shell:
         "python -m vigauge_paper.commands.figure_orbit --problems {input.problems:q} --trial {params.trial}"
-        " --prior-weight {params.weight} --solver {params.solver:q} --paths {output.paths:q}"
+        " --prior-information {params.information} --solver {params.solver:q} --paths {output.paths:q}"
         " --transformation {output.transformation:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -203,12 +203,13 @@ rule figure_prior:
         "../envs/vigauge.yaml"
     params:
         weights=config["figures"]["path_weights"],
+        reading=config["prior"]["reading"],
         published=PUBLISHED_FLAG,
     message:
         "Figures 4, 5 and 6"
     shell:
         "python -m vigauge_paper.commands.figure_prior --sweep {input.sweep:q} --timing {input.timing:q}"
-        " --trace {input.trace:q} --path-weights {params.weights} {params.published}"
+        " --trace {input.trace:q} --path-weights {params.weights} {params.published} --prior-reading {params.reading}"
         " --accuracy {output.accuracy:q} --cost {output.cost:q} --paths {output.paths:q} --stamps {input.stamps:q} --log {log:q}"
 
 
@@ -347,6 +348,7 @@ rule claims:
         vicon_room=VICON_ROOM,
         source=SOURCE_OF_CLAIMS,
         criteria=section("claims"),
+        reading=config["prior"]["reading"],
         evidence=[f"{name}={file}" for name, file in EVIDENCE.items()],
         sensitivity=sensitivity_flag(),
         sensitivity_digest=sensitivity_digest(),
@@ -357,7 +359,7 @@ rule claims:
         " --covariances {params.covariances:q} --reasons {params.reasons:q} --sweep {input.sweep:q}"
         " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --machine-hall {params.machine_hall}"
-        " --vicon-room {params.vicon_room} --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q}"
+        " --vicon-room {params.vicon_room} --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q} --prior-reading {params.reading}"
         " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q}"
         " --evidence {params.evidence:q} {params.sensitivity} --stamps {input.stamps:q} --log {log:q}"
 

@@ -15,7 +15,7 @@ rule reasons:
         published=expand(
             "{folder}/{file}",
             folder=PUBLISHED_FOLDER,
-            file=["fig05_prior_weight_cost.csv", "fig06_prior_error_paths.csv", "fig09.npz", "fig10.npz"],
+            file=["fig06_prior_error_paths.csv", "fig09.npz", "fig10.npz"],
         ),
         sweep_trace="data/prior_sweep/trace.csv",
         stamps=[
@@ -39,7 +39,7 @@ rule reasons:
         covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
         sweep_configuration=config["prior"]["sweep_configuration"],
         published=folder_of_published,
-        weight=config["prior"]["weight"],
+        information=PRIOR_INFORMATION,
         solver=section("solver"),
         simulation=section("simulation"),
         settings=json.dumps({k: v for k, v in config["reasons"].items() if k in UNTIMED}, sort_keys=True),
@@ -50,7 +50,7 @@ rule reasons:
         "python -m vigauge_paper.commands.reasons --problems {params.problems:q} --truths {params.truths:q}"
         " --traces {params.traces:q} --covariances {params.covariances:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --published {params.published:q}"
-        " --simulation {params.simulation:q} --prior-weight {params.weight}"
+        " --simulation {params.simulation:q} --prior-information {params.information}"
         " --solver {params.solver:q} --settings {params.settings:q} --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
@@ -69,11 +69,11 @@ rule reasons_time:
         sweep_configuration=config["prior"]["sweep_configuration"],
         simulation=section("simulation"),
         solver=section("solver"),
-        weight=config["prior"]["weight"],
+        information=PRIOR_INFORMATION,
         settings=lambda wildcards: section("reasons", wildcards.experiment),
     message:
         "Timing {wildcards.experiment}"
     shell:
         "python -m vigauge_paper.commands.reasons_time --experiment {wildcards.experiment} --configuration {params.sweep_configuration}"
-        " --simulation {params.simulation:q} --solver {params.solver:q} --prior-weight {params.weight}"
+        " --simulation {params.simulation:q} --solver {params.solver:q} --prior-information {params.information}"
         " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"

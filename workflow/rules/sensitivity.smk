@@ -26,14 +26,14 @@ rule sensitivity_setting:
         trials=config["sensitivity"]["trials"],
         settings=section("simulation"),
         solver=section("solver"),
-        weight=config["prior"]["weight"],
+        information=PRIOR_INFORMATION,
         output=folder_of_output,
     message:
         "Sensitivity: {wildcards.parameter} = {wildcards.value}"
     shell:
         "python -m vigauge_paper.commands.sensitivity --parameter {wildcards.parameter} --value {wildcards.value}"
         " --trials {params.trials} --settings {params.settings:q} --solver {params.solver:q}"
-        " --prior-weight {params.weight} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
+        " --prior-information {params.information} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 rule sensitivity_summary:

@@ -20,14 +20,14 @@ rule solve_simulation:
         "../envs/vigauge.yaml"
     threads: WHOLE_MACHINE
     params:
-        weight=config["prior"]["weight"],
+        prior=PRIOR_FLAGS,
         solver=section("solver"),
         repeats=config["timing"]["repeats_simulation"],
     message:
         "Solving {wildcards.configuration} in three gauges"
     shell:
         "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truth:q}"
-        " --prior-weight {params.weight} --solver {params.solver:q} --repeats {params.repeats}"
+        " {params.prior} --solver {params.solver:q} --repeats {params.repeats}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
         " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"
 
@@ -51,7 +51,7 @@ rule solve_sequence:
         "../envs/vigauge.yaml"
     threads: WHOLE_MACHINE
     params:
-        weight=config["prior"]["weight"],
+        prior=PRIOR_FLAGS,
         solver=section("solver"),
         noise=noise_models,
         repeats=config["timing"]["repeats_sequence"],
@@ -59,7 +59,7 @@ rule solve_sequence:
         "Solving {wildcards.sequence} in three gauges"
     shell:
         "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truth:q}"
-        " --prior-weight {params.weight} --solver {params.solver:q} --noise {params.noise:q}"
+        " {params.prior} --solver {params.solver:q} --noise {params.noise:q}"
         " --repeats {params.repeats}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
         " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"

@@ -30,14 +30,14 @@ rule window:
         biases=lambda wildcards: window_truth(wildcards, "biases"),
         settings=window_settings,
         noise=lambda wildcards: sequence_section(window_sequence(wildcards), "noise"),
-        weight=config["prior"]["weight"],
+        information=PRIOR_INFORMATION,
         solver=section("solver"),
     message:
         "Window {wildcards.window}"
     shell:
         "python -m vigauge_paper.commands.window --name {wildcards.window} --sequence {params.folder:q}"
         " --truth {params.truth:q} --biases {params.biases:q} --settings {params.settings:q}"
-        " --noise {params.noise:q} --prior-weight {params.weight} --solver {params.solver:q}"
+        " --noise {params.noise:q} --prior-information {params.information} --solver {params.solver:q}"
         " --output {output:q} --log {log:q}"
 
 

@@ -85,7 +85,7 @@ def total_equations(
 
 @part
 def to_left(motion: Array, stored: Index, at: int, chain: Array, out: Array) -> None:
-    """A motion step (9N,) in stored order: into ``out`` in the package's order, then in place by left increments."""
+    """A motion step (9N,) in stored order: into ``out`` in the package's order, then to left increments."""
     for i in range(len(stored)):
         out[i] = motion[stored[i]]
     x, y, z = motion[at], motion[at + 1], motion[at + 2]

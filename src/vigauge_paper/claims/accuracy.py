@@ -77,13 +77,13 @@ ACCURACY = (
     ),
     Claim(
         "prior-fixation-digits",
-        ("table2", "weights", "tolerance"),
+        ("table2", "reading", "tolerance"),
         "V-B",
         "Prior at 1e5 and fixation agree to about 8 digits",
         "8 digits",
         "mean RMSE equal to 0.5e-8",
         _prior_is_fixation,
-        reasons.prior_digits,
+        reasons.reading,
     ),
     Claim(
         "prior-fixation",

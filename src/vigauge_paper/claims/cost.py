@@ -113,12 +113,11 @@ COST = (
     ),
     Claim(
         "prior-cost",
-        ("fig07", "claims_statistics", "first_step"),
+        ("fig07", "claims_statistics"),
         "V-B, Fig. 7",
         "The cost of prior and fixation is almost identical",
         "medians of iterations equal",
         "equivalence: intervals of iterations and of paired times inside the cost margin",
         _prior_costs_as_fixation,
-        reasons.prior_against_damping,
     ),
 )

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..experiments.evidence import Evidence
 from ..experiments.free_spread import LARGEST_SPREAD, free_ratios, position_variance
+from ..prior import INFORMATION
 from . import reasons
 from .claim import Claim, Finding, on_euroc
 
@@ -36,7 +37,8 @@ def _spread_under_free(e: Evidence) -> Finding:
 
 
 def _prior_covariance(e: Evidence) -> Finding:
-    found = {name: float(e.covariance(name)["relative_frobenius_prior"]) for name in e.covariances}
+    key = "relative_frobenius_prior" + ("_as_printed" if e.reading == INFORMATION else "")
+    found = {name: float(e.covariance(name)[key]) for name in e.covariances}
     text = ", ".join(f"{name} {100 * value:.3g} %" for name, value in found.items())
     return f"relative Frobenius distance {text}", max(found.values()) < e.criteria.covariance_margin
 
@@ -96,13 +98,13 @@ COVARIANCE = (
     ),
     Claim(
         "prior-covariance",
-        ("fig09", "first_step"),
+        ("fig09", "reading"),
         "VI-A",
         "With a high weight the prior's covariance is similar to fixation's",
         "similar",
         "relative Frobenius distance below the covariance margin in every experiment",
         _prior_covariance,
-        reasons.prior_covariance,
+        reasons.reading,
     ),
     Claim(
         "identity",

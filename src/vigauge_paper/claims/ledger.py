@@ -20,14 +20,21 @@ CLAIMS: tuple[Claim, ...] = (*THEORY, *PRIOR_WEIGHT, *ACCURACY, *COST, *COVARIAN
 VERDICTS = {True: "holds", False: "differs", None: "not tested"}
 
 
+def _judged(claim: Claim, evidence: Evidence) -> tuple[str, str]:
+    """What was measured, and the verdict."""
+    try:
+        measured, holds = claim.judge(evidence)
+    except NoEvidenceError as error:
+        return str(error), VERDICTS[None]
+    return measured, VERDICTS[None if holds is None else bool(holds)]
+
+
 def ledger(evidence: Evidence) -> list[Row]:
-    """All claims judged: id, section, claim, published, measured, criterion, verdict."""
+    """All claims judged, a row each; ``verdict_as_printed`` with the prior's weight as the text has it."""
     rows: list[Row] = []
+    printed = evidence.as_printed
     for claim in CLAIMS:
-        try:
-            measured, holds = claim.judge(evidence)
-        except NoEvidenceError as error:
-            measured, holds = str(error), None
+        measured, verdict = _judged(claim, evidence)
         rows.append(
             {
                 "id": claim.id,
@@ -36,7 +43,8 @@ def ledger(evidence: Evidence) -> list[Row]:
                 "published": claim.published,
                 "measured": measured,
                 "criterion": claim.criterion,
-                "verdict": VERDICTS[None if holds is None else bool(holds)],
+                "verdict": verdict,
+                "verdict_as_printed": _judged(claim, printed)[1],
             }
         )
     return rows

@@ -11,6 +11,7 @@ import pandas as pd
 from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import Criteria
 from ..ids import ERRORS
+from ..prior import RESIDUAL
 from .ledger import CLAIMS, VERDICTS
 
 Row = dict[str, object]
@@ -40,6 +41,7 @@ def solutions_only(solutions: Mapping[str, Path], criteria: Criteria) -> Evidenc
         source="rendered",
         cpu="",
         criteria=criteria,
+        reading=RESIDUAL,
     )
 
 

@@ -15,7 +15,7 @@ from vigauge.files import write_rows, write_text
 from vigauge_paper.claims import Criteria, Evidence, explanations, ledger, paired_statistics
 from vigauge_paper.claims.page import evidence_links
 from vigauge_paper.claims.sensitivity import ranges
-from vigauge_paper.run.artefacts import add_section, named_file
+from vigauge_paper.run.artefacts import add_reading, add_section, named_file
 from vigauge_paper.run.provenance import require_coherent
 from vigauge_paper.run.stage import parser, run, settings_from
 from vigauge_paper.tables import markdown
@@ -36,6 +36,7 @@ def work(options: argparse.Namespace) -> None:
         source=options.source,
         cpu=str(machine["processor"]),
         criteria=criteria,
+        reading=options.prior_reading,
         machine_hall=options.machine_hall,
         vicon_room=options.vicon_room,
     )
@@ -115,6 +116,7 @@ def main() -> None:
     arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
     arguments.add_argument("--machine", type=Path, required=True, help="what the times were taken on")
     add_section(arguments, "--criteria", "claims")
+    add_reading(arguments)
     arguments.add_argument("--output", type=Path, required=True, help="claims.csv; claims.md goes beside it")
     arguments.add_argument("--why", type=Path, required=True, help="output: reason of each claim")
     arguments.add_argument("--statistics", type=Path, required=True, help="output: paired differences")

@@ -11,6 +11,7 @@ then has the reason under ``withheld`` (otherwise empty), and the spectrum, but 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ from vigauge.observability.diagnosis import Diagnosis, diagnose
 from vigauge.observability.spectrum import Spectrum
 from vigauge.solver.levenberg_marquardt import CONVERGED, Status
 from vigauge_paper.ids import FIX, FREE, PRIOR
-from vigauge_paper.run.artefacts import add_prior_weight
+from vigauge_paper.prior import information
+from vigauge_paper.run.artefacts import add_prior
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 
 # Covariances of the archive, and how far from symmetric and positive they may be: rounding errors.
@@ -37,17 +39,18 @@ DEFECT_LIMIT = 1e-8
 
 
 def compare_gauges(
-    problem: Problem, fix: State, prior: State, free: State, prior_weight: float
+    problem: Problem, states: Mapping[str, State], prior_weight: float, prior_reading: str
 ) -> dict[str, np.ndarray | float | int]:
     """Covariances at the three estimates and at one common point, and their distances."""
     reference, fixed_gauge = problem.initial, FixedGauge()
-    prior_gauge = PriorGauge(prior_weight)
+    fix, prior, free = (states[gauge] for gauge in (FIX, PRIOR, FREE))
+    prior_gauge = PriorGauge(information(prior_weight, prior_reading))
     at_fix, at_prior, at_free = (Covariance.of(problem, state) for state in (fix, prior, free))
     fixed = at_fix.motion(fixed_gauge)
     free_covariance = motion_pseudo_inverse(at_free)
     transformed, moved = transform_covariance(free_covariance, free, fixed_gauge, reference)
     with_prior = at_prior.motion(prior_gauge)
-    squared = at_fix.motion(PriorGauge(prior_weight**2))
+    printed = at_fix.motion(PriorGauge(prior_weight))
     same_point, _ = transform_covariance(motion_pseudo_inverse(at_fix), fix, fixed_gauge, reference)
     found = at_free.spectrum()
     pulled = at_prior.equations.with_factor(prior_gauge.factor.at(prior, reference))
@@ -60,7 +63,7 @@ def compare_gauges(
         "relative_frobenius_same_point": relative_frobenius(same_point, fixed),
         "relative_frobenius_converged": relative_frobenius(transformed, fixed),
         "relative_frobenius_prior": relative_frobenius(with_prior, fixed),
-        "relative_frobenius_prior_squared": relative_frobenius(squared, fixed),
+        "relative_frobenius_prior_as_printed": relative_frobenius(printed, fixed),
         "p_W_free": free.p_W,
         "p_W_transformed": moved.p_W,
         "p_W_fixed": fix.p_W,
@@ -95,7 +98,8 @@ def work(options: argparse.Namespace) -> None:
     problem = load_problems(options.problems)[0]
     if options.noise:
         problem = problem.with_noise(**options.noise)
-    gauges = three_gauges(options.prior_weight)
+    # As solve writes them.
+    gauges = tuple(three_gauges(1.0))
     states = dict(zip(gauges, load_states(options.states), strict=True))
     failed = [
         f"{gauge} ({status})"
@@ -108,7 +112,7 @@ def work(options: argparse.Namespace) -> None:
         save_arrays(options.output, without_covariance(states[FREE], found, withheld))
         LOG.warning("covariance withheld; %s", withheld)
         return
-    arrays = compare_gauges(problem, states[FIX], states[PRIOR], states[FREE], options.prior_weight)
+    arrays = compare_gauges(problem, states, options.prior_weight, options.prior_reading)
     defects = {name: covariance_defects(np.asarray(arrays[name])) for name in MATRICES}
     for name, found_defects in defects.items():
         if max(found_defects.asymmetry, found_defects.negativity) > DEFECT_LIMIT:
@@ -129,12 +133,13 @@ def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--problems", type=Path, required=True, help="archive; its first problem is used")
     arguments.add_argument("--states", type=Path, required=True, help="estimates as solve writes them")
-    add_prior_weight(arguments)
+    add_prior(arguments)
     arguments.add_argument("--noise", type=json_argument, default={}, help="noise model, as in the config")
     arguments.add_argument(
         "--output", type=Path, required=True, help="output: covariances and their distances"
     )
-    run(work, arguments, Stamped({"prior_weight": "prior.weight"}, outputs=("output",)))
+    stamped = Stamped({"prior_weight": "prior.weight", "prior_reading": "prior.reading"}, outputs=("output",))
+    run(work, arguments, stamped)
 
 
 if __name__ == "__main__":

@@ -5,15 +5,18 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from vigauge_paper.figures.prior import draw_accuracy, draw_cost, draw_paths
-from vigauge_paper.run.artefacts import add_published, stem_of
+from vigauge_paper.figures.prior import draw_accuracy, draw_cost, draw_paths, read_sweep
+from vigauge_paper.run.artefacts import add_published, add_reading, stem_of
 from vigauge_paper.run.stage import parser, run
 
 
 def work(options: argparse.Namespace) -> None:
-    draw_accuracy(options.sweep, options.accuracy, options.published)
-    draw_cost(options.sweep, options.timing, options.cost, options.published)
-    draw_paths(options.sweep, options.trace, options.paths, options.path_weights, options.published)
+    sweep, timing, trace = (
+        read_sweep(file, options.prior_reading) for file in (options.sweep, options.timing, options.trace)
+    )
+    draw_accuracy(sweep, options.accuracy, options.published)
+    draw_cost(sweep, timing, options.cost, options.published)
+    draw_paths(sweep, trace, options.paths, options.path_weights, options.published)
 
 
 def main() -> None:
@@ -27,6 +30,7 @@ def main() -> None:
     arguments.add_argument("--accuracy", type=stem_of, required=True, help="PNG of Figure 4")
     arguments.add_argument("--cost", type=stem_of, required=True, help="PNG of Figure 5")
     arguments.add_argument("--paths", type=stem_of, required=True, help="PNG of Figure 6")
+    add_reading(arguments)
     add_published(arguments)
     run(work, arguments)
 

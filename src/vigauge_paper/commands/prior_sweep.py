@@ -1,6 +1,6 @@
 """Solve one configuration under a range of prior weights (Section V-A, Figs. 4-6).
 
-The first entry of the trace is also the free gauge, to compare with weight zero.
+Every weight is used as a factor of the residual and as information; the free gauge stands beside both.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from vigauge.observability.spectrum import condition_number
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge.solver.normal_equations import linearise
 from vigauge_paper.experiments.interleaved import (
+    Row,
     TimedSolve,
     Trial,
     first_solves,
@@ -28,10 +29,10 @@ from vigauge_paper.experiments.interleaved import (
     timing_row,
     trace_rows,
 )
+from vigauge_paper.ids import FREE
+from vigauge_paper.prior import READINGS, information
 from vigauge_paper.run.artefacts import add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
-
-FREE = "free"
 
 
 def _conditioning(timed: TimedSolve, gauge: Gauge) -> dict[str, object]:
@@ -48,18 +49,24 @@ def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
     truth = load_states(options.truth)[0]
     trials = [Trial({"trial": i}, p) for i, p in enumerate(load_problems(options.problems))]
-    gauges: dict[str, Gauge] = {weight: PriorGauge(float(weight)) for weight in options.weights}
-    gauges[FREE] = FreeGauge()
 
     def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
         return tqdm(trials, desc="prior weights", unit="trial", disable=None)
 
-    solves = solve_interleaved(trials, gauges, solver, clock=time.perf_counter, progress=bar)
-    first = first_solves(solves, gauges)
-    rows = [solution_row(s, truth, "weight") | _conditioning(s, gauges[s.gauge]) for s in first]
-    write_rows(options.sweep, rows)
-    write_rows(options.trace, [row for s in first for row in trace_rows(s, "weight")])
-    write_rows(options.timing, [timing_row(s, "weight") for s in solves])
+    rows: dict[str, list[Row]] = {"sweep": [], "trace": [], "timing": []}
+    for reading in READINGS:
+        gauges: dict[str, Gauge] = {w: PriorGauge(information(w, reading)) for w in options.weights}
+        gauges[FREE] = FreeGauge()
+        solves = solve_interleaved(trials, gauges, solver, clock=time.perf_counter, progress=bar)
+        first = first_solves(solves, gauges)
+        label = {"reading": reading}
+        rows["sweep"] += [
+            label | solution_row(s, truth, "weight") | _conditioning(s, gauges[s.gauge]) for s in first
+        ]
+        rows["trace"] += [label | row for s in first for row in trace_rows(s, "weight")]
+        rows["timing"] += [label | timing_row(s, "weight") for s in solves]
+    for name, table in rows.items():
+        write_rows(getattr(options, name), table)
     LOG.info("%d weights, %d trials", len(options.weights), len(trials))
 
 

@@ -13,7 +13,13 @@ from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.experiment import Material
 from vigauge_paper.experiments.registry import EXPERIMENTS, UNTIMED
 from vigauge_paper.ids import CONFIGURATIONS
-from vigauge_paper.run.artefacts import add_prior_weight, add_section, add_solver, named_file, table_files
+from vigauge_paper.run.artefacts import (
+    add_prior_information,
+    add_section,
+    add_solver,
+    named_file,
+    table_files,
+)
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
 
@@ -21,7 +27,7 @@ def work(options: argparse.Namespace) -> None:
     material = Material(
         simulation=settings_from(SimulationSettings, options.simulation, "simulation"),
         solver=settings_from(Options, options.solver, "solver"),
-        prior_weight=options.prior_weight,
+        prior_information=options.prior_information,
         sweep_configuration=options.sweep_configuration,
         clock=time.perf_counter,
         problems=dict(options.problems),
@@ -52,7 +58,7 @@ def main() -> None:
     arguments.add_argument("--sweep-configuration", choices=CONFIGURATIONS, required=True)
     arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
     add_section(arguments, "--simulation", "simulation")
-    add_prior_weight(arguments)
+    add_prior_information(arguments)
     add_solver(arguments)
     add_section(arguments, "--settings", "reasons")
     arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
@@ -63,7 +69,7 @@ def main() -> None:
             {
                 "simulation": "simulation",
                 "solver": "solver",
-                "prior_weight": "prior.weight",
+                "prior_information": "prior.information",
                 "settings": "reasons",
             },
             files=table_files(UNTIMED),

@@ -12,7 +12,7 @@ from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.experiment import Material
 from vigauge_paper.experiments.registry import EXPERIMENTS, TIMED
 from vigauge_paper.ids import CONFIGURATIONS
-from vigauge_paper.run.artefacts import add_prior_weight, add_section, add_solver
+from vigauge_paper.run.artefacts import add_prior_information, add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
 
@@ -21,7 +21,7 @@ def work(options: argparse.Namespace) -> None:
     material = Material(
         simulation=settings_from(SimulationSettings, options.simulation, "simulation"),
         solver=settings_from(Options, options.solver, "solver"),
-        prior_weight=options.prior_weight,
+        prior_information=options.prior_information,
         sweep_configuration=options.configuration,
         clock=time.perf_counter,
     )
@@ -35,14 +35,14 @@ def main() -> None:
     arguments.add_argument("--configuration", choices=CONFIGURATIONS, required=True)
     add_section(arguments, "--simulation", "simulation")
     add_solver(arguments)
-    add_prior_weight(arguments)
+    add_prior_information(arguments)
     add_section(arguments, "--settings", "reasons.EXPERIMENT")
     arguments.add_argument("--output", type=Path, required=True, help="output: its table")
     run(
         work,
         arguments,
         Stamped(
-            {"simulation": "simulation", "solver": "solver", "prior_weight": "prior.weight"},
+            {"simulation": "simulation", "solver": "solver", "prior_information": "prior.information"},
             timings=("output",),
         ),
     )

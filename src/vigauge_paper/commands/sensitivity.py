@@ -14,7 +14,7 @@ from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.changes import changed
 from vigauge_paper.experiments.interleaved import Trial, first_solves, solution_row, solve_interleaved
 from vigauge_paper.ids import CONFIGURATIONS, HEADLINE
-from vigauge_paper.run.artefacts import add_prior_weight, add_section, add_solver
+from vigauge_paper.run.artefacts import add_prior_information, add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
 
@@ -25,7 +25,7 @@ def work(options: argparse.Namespace) -> None:
         options.parameter,
         options.value,
     )
-    gauges = three_gauges(options.prior_weight)
+    gauges = three_gauges(options.prior_information)
     for name, (trajectory, points) in CONFIGURATIONS.items():
         scene = make_scene(trajectory, points, settings)
         trials = [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(make_trials(scene))]
@@ -42,7 +42,7 @@ def main() -> None:
     arguments.add_argument("--trials", type=int, required=True, help="trials of each configuration")
     add_section(arguments, "--settings", "simulation")
     add_solver(arguments)
-    add_prior_weight(arguments)
+    add_prior_information(arguments)
     arguments.add_argument(
         "--output", type=Path, required=True, help="folder that gets a CSV a configuration"
     )
@@ -53,7 +53,7 @@ def main() -> None:
             {
                 "settings": "simulation",
                 "solver": "solver",
-                "prior_weight": "prior.weight",
+                "prior_information": "prior.information",
                 "trials": "sensitivity.trials",
             },
             files=lambda options: sorted(options.output.glob("*.csv")),

@@ -1,4 +1,4 @@
-"""Solve an experiment in the three gauges, interleaved and timed inside the process.
+"""Solve an experiment in the three gauges, and with the prior as printed; interleaved, timed in the process.
 
 BLAS runs on one thread: more are slower at these sizes, and times would not compare.
 """
@@ -17,7 +17,6 @@ from vigauge.cli.command import LOG
 from vigauge.covariance.consistency import chi_square
 from vigauge.errors import ConfigError
 from vigauge.files import write_json, write_rows
-from vigauge.gauge.gauges import three_gauges
 from vigauge.model.archive import load_problems, load_states, save_states
 from vigauge.model.problem import Problem
 from vigauge.observability.diagnosis import diagnose
@@ -31,8 +30,9 @@ from vigauge_paper.experiments.interleaved import (
     timing_row,
     trace_rows,
 )
-from vigauge_paper.ids import HEADLINE
-from vigauge_paper.run.artefacts import add_prior_weight, add_solver
+from vigauge_paper.ids import GAUGES, HEADLINE
+from vigauge_paper.prior import gauges as gauges_of
+from vigauge_paper.run.artefacts import add_prior, add_solver
 from vigauge_paper.run.machine import describe_machine, versions
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
 
@@ -75,7 +75,7 @@ def _consistency(timed: TimedSolve) -> dict[str, object]:
 
 def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
-    gauges = three_gauges(options.prior_weight)
+    gauges = gauges_of(options.prior_weight, options.prior_reading)
     truth = load_states(options.truth)[0]
     trials = _trials(load_problems(options.problems), options.noise)
 
@@ -95,7 +95,7 @@ def work(options: argparse.Namespace) -> None:
     rows = [solution_row(s, truth) | _consistency(s) for s in first]
     write_rows(options.solutions, rows)
     write_rows(options.trace, [row for s in first for row in trace_rows(s)])
-    shown = [s for s in first if s.trial.labels == {"noise": HEADLINE, "trial": 0}]
+    shown = [s for s in first if s.trial.labels == {"noise": HEADLINE, "trial": 0} and s.gauge in GAUGES]
     save_states(options.states, [s.solution.state for s in shown], [s.solution.status for s in shown])
     write_rows(options.timing, [timing_row(s) for s in timed])
     write_json(options.machine, {"machine": machine, "versions": versions()})
@@ -108,7 +108,7 @@ def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--problems", type=Path, required=True)
     arguments.add_argument("--truth", type=Path, required=True)
-    add_prior_weight(arguments)
+    add_prior(arguments)
     add_solver(arguments)
     arguments.add_argument(
         "--noise", type=json_argument, default={}, help="noise models: sigma_px and density_factor"
@@ -125,7 +125,7 @@ def main() -> None:
         work,
         arguments,
         Stamped(
-            {"solver": "solver", "prior_weight": "prior.weight"},
+            {"solver": "solver", "prior_weight": "prior.weight", "prior_reading": "prior.reading"},
             outputs=("solutions", "trace", "states"),
             timings=("timing", "machine"),
         ),

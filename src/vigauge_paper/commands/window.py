@@ -10,7 +10,7 @@ from vigauge.files import write_rows
 from vigauge.recordings.frontend.settings import FrontEndSettings
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper.experiments.windows import WindowTask, run_window
-from vigauge_paper.run.artefacts import add_prior_weight, add_solver
+from vigauge_paper.run.artefacts import add_prior_information, add_solver
 from vigauge_paper.run.stage import json_argument, parser, run, settings_from
 
 
@@ -24,7 +24,7 @@ def work(options: argparse.Namespace) -> None:
         options.noise,
     )
     solver = settings_from(Options, options.solver, "solver")
-    rows = run_window(task, solver, options.prior_weight)
+    rows = run_window(task, solver, options.prior_information)
     write_rows(options.output, rows)
     stopped = rows[0]["stopped_at"]
     LOG.info("%s: %s", options.name, f"stopped at {stopped}: {rows[0]['why']}" if stopped else "whole")
@@ -38,7 +38,7 @@ def main() -> None:
     arguments.add_argument("--biases", required=True, help="the same, for the known biases")
     arguments.add_argument("--settings", type=json_argument, required=True, help="front-end settings")
     arguments.add_argument("--noise", type=json_argument, required=True, help="noise models by name")
-    add_prior_weight(arguments)
+    add_prior_information(arguments)
     add_solver(arguments)
     arguments.add_argument("--output", type=Path, required=True, help="output: a row a noise model and gauge")
     run(work, arguments)

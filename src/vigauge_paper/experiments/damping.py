@@ -23,7 +23,7 @@ class Settings:
 
 def rows(material: Material, settings: Settings) -> list[Row]:
     """A row a run: every configuration, radius, trial and gauge."""
-    gauges = three_gauges(material.prior_weight)
+    gauges = three_gauges(material.prior_information)
     return [
         row
         for name in material.problems

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,7 +13,8 @@ import pandas as pd
 from vigauge.errors import VigaugeError
 from vigauge.model.archive import load_arrays
 
-from ..ids import GAUGES, HEADLINE
+from ..ids import GAUGES, HEADLINE, PRIOR, PRIOR_AS_PRINTED
+from ..prior import INFORMATION
 from .statistics import Criteria, Interval, bootstrap, mean, median
 from .timing import paired_ratios, timing_of
 
@@ -28,6 +29,7 @@ class Evidence:
 
     ``solutions`` and ``timings`` by name of configuration or sequence; ``covariances`` too;
     ``sweep``, ``sweep_timing``, ``sweep_trace`` of the prior weights, done on ``sweep_configuration``;
+    ``reading`` says what a prior's weight multiplies in what is judged;
     ``reasons`` by name of the table; ``cpu`` that times were taken on; ``machine_hall`` and ``vicon_room``
     name the image sequences in the place of the paper's MH1 and VI1, from ``source``, if there are any.
     """
@@ -43,8 +45,25 @@ class Evidence:
     source: str
     cpu: str
     criteria: Criteria
+    reading: str
     machine_hall: str = ""
     vicon_room: str = ""
+
+    @property
+    def as_printed(self) -> Evidence:
+        """The same results with the prior's weight as the paper's text has it."""
+        return replace(self, reading=INFORMATION)
+
+    def _of_reading(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Runs of a table of solves under :attr:`reading`, whose prior is called 'prior'."""
+        if self.reading == INFORMATION and (table["gauge"] == PRIOR_AS_PRINTED).any():
+            table = table[table["gauge"] != PRIOR].replace({"gauge": {PRIOR_AS_PRINTED: PRIOR}})
+        return table[table["gauge"].isin(GAUGES)]
+
+    def _of_sweep(self, file: Path) -> pd.DataFrame:
+        """A table of the sweep under :attr:`reading`."""
+        table = pd.read_csv(file, dtype={"weight": str})
+        return table[table["reading"] == self.reading].drop(columns="reading")
 
     @property
     def sequences(self) -> tuple[str, ...]:
@@ -57,7 +76,7 @@ class Evidence:
     @cached_property
     def converged(self) -> dict[str, pd.DataFrame]:
         """Solutions of each experiment under its headline noise, of the runs that converged."""
-        tables = {name: pd.read_csv(file) for name, file in self.solutions.items()}
+        tables = {name: self._of_reading(pd.read_csv(file)) for name, file in self.solutions.items()}
         return {
             name: table[(table["noise"] == HEADLINE) & table["converged"]] for name, table in tables.items()
         }
@@ -100,7 +119,7 @@ class Evidence:
         """
         groups = []
         for name in names:
-            timing = timing_of(pd.read_csv(self.timings[name]), self.converged[name])
+            timing = timing_of(self._of_reading(pd.read_csv(self.timings[name])), self.converged[name])
             timing = timing[timing["gauge"].isin((gauge, reference))]
             table = paired_ratios(timing, "gauge", reference, each=each)
             if gauge not in table or not len(table):
@@ -136,16 +155,15 @@ class Evidence:
 
     @cached_property
     def sweep_table(self) -> pd.DataFrame:
-        return pd.read_csv(self.sweep, dtype={"weight": str}).query("converged")
+        return self._of_sweep(self.sweep).query("converged")
 
     @cached_property
     def sweep_paths(self) -> pd.DataFrame:
         """Iterations of the sweep."""
-        return pd.read_csv(self.sweep_trace, dtype={"weight": str})
+        return self._of_sweep(self.sweep_trace)
 
     @cached_property
     def sweep_times(self) -> pd.Series:
         """Median seconds of the runs that converged by weight, in the order of the sweep."""
-        timing = pd.read_csv(self.sweep_timing, dtype={"weight": str})
-        timing = timing_of(timing, self.sweep_table, "weight")
+        timing = timing_of(self._of_sweep(self.sweep_timing), self.sweep_table, "weight")
         return timing.groupby("weight", sort=False)["seconds"].median()

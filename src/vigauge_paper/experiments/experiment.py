@@ -28,7 +28,7 @@ class Material:
 
     simulation: SimulationSettings
     solver: Options
-    prior_weight: float
+    prior_information: float
     sweep_configuration: str
     clock: Callable[[], float]
     problems: Mapping[str, Path] = field(default_factory=dict)

@@ -91,7 +91,7 @@ def rows(material: Material, settings: Settings) -> list[Row]:
     """A row a run of every gauge and a dense solve of both sizes, for every number of keyframes."""
     rng = np.random.default_rng(material.simulation.seed)
     trajectory, points = CONFIGURATIONS[material.sweep_configuration]
-    gauges = three_gauges(material.prior_weight)
+    gauges = three_gauges(material.prior_information)
     out: list[Row] = []
     for count in settings.n_keyframes:
         problem = make_trial(

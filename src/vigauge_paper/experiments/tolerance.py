@@ -24,7 +24,7 @@ class Settings:
 
 def rows(material: Material, settings: Settings) -> list[Row]:
     """A row a run: every configuration, tolerance (the solver's and the tight one), trial and gauge."""
-    gauges = three_gauges(material.prior_weight)
+    gauges = three_gauges(material.prior_information)
     tight = replace(material.solver, function_tolerance=settings.function_tolerance)
     return [
         row

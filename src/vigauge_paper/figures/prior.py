@@ -40,8 +40,10 @@ def _weight_label(failed: dict[str, int]) -> str:
     return "Prior weight" + (f"\nleft out, not converged: {shown}" if shown else "")
 
 
-def _read(file: Path) -> pd.DataFrame:
-    return pd.read_csv(file, dtype={"weight": str})
+def read_sweep(file: Path, reading: str) -> pd.DataFrame:
+    """A table of the sweep under one reading of the weights."""
+    table = pd.read_csv(file, dtype={"weight": str})
+    return table[table["reading"] == reading].drop(columns="reading")
 
 
 def _published_rmse(folder: Path | None) -> pd.DataFrame | None:
@@ -57,12 +59,11 @@ def _span(values: np.ndarray) -> float:
     return float(100.0 * (np.nanmax(values) - np.nanmin(values)) / np.nanmean(values))
 
 
-def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
+def draw_accuracy(everything: pd.DataFrame, stem: Path, published: Path | None) -> None:
     """Figure 4: mean RMSE over the trials, each weight one step on the axis, with its change in per cent.
 
     The paper's curves (grey) have an axis of their own; each curve's span over its mean is stated.
     """
-    everything = _read(sweep_file)
     sweep, _ = converged_only(everything)
     weights = _weights(everything)
     failed = _failed(everything)
@@ -106,12 +107,11 @@ def draw_accuracy(sweep_file: Path, stem: Path, published: Path | None) -> None:
     write_rows(f"{stem}.csv", rows)
 
 
-def draw_cost(sweep_file: Path, timing_file: Path, stem: Path, published: Path | None) -> None:
+def draw_cost(everything: pd.DataFrame, timing: pd.DataFrame, stem: Path, published: Path | None) -> None:
     """Figure 5: iterations and time of all trials, a box a weight; the paper's iterations in grey."""
-    everything = _read(sweep_file)
     sweep, _ = converged_only(everything)
     failed = _failed(everything)
-    timing = timing_of(_read(timing_file), sweep, "weight")
+    timing = timing_of(timing, sweep, "weight")
     weights = _weights(everything)
     rows = []
     for quantity, table, column in (("iterations", sweep, "iterations"), ("time_s", timing, "seconds")):
@@ -146,13 +146,12 @@ def draw_cost(sweep_file: Path, timing_file: Path, stem: Path, published: Path |
 
 
 def draw_paths(
-    sweep_file: Path, trace_file: Path, stem: Path, weights: list[str], published: Path | None
+    sweep: pd.DataFrame, trace: pd.DataFrame, stem: Path, weights: list[str], published: Path | None
 ) -> None:
     """Figure 6: prior error of yaw and position against mean reprojection error, a dot an iteration.
 
     A path whose run did not converge says so in the legend, and in the numbers.
     """
-    trace, sweep = _read(trace_file), _read(sweep_file)
     trace = trace[trace["trial"] == 0]
     status = sweep[sweep["trial"] == 0].set_index("weight")["status"].to_dict()
     failed = _failed(sweep[sweep["trial"] == 0])

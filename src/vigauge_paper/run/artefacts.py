@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from vigauge_paper.prior import READINGS
 from vigauge_paper.run.stage import json_argument
 
 
@@ -33,9 +34,24 @@ def add_solver(arguments: argparse.ArgumentParser) -> None:
     add_section(arguments, "--solver", "solver")
 
 
-def add_prior_weight(arguments: argparse.ArgumentParser, about: str = "w^P of Section V-A") -> None:
-    """``--prior-weight``, 1/m^2 and 1/rad^2."""
-    arguments.add_argument("--prior-weight", type=float, required=True, help=about)
+def add_prior_information(arguments: argparse.ArgumentParser) -> None:
+    """``--prior-information``, 1/m^2 and 1/rad^2."""
+    arguments.add_argument(
+        "--prior-information", type=float, required=True, help="of the prior, 1/m^2 and 1/rad^2"
+    )
+
+
+def add_prior(arguments: argparse.ArgumentParser) -> None:
+    """``--prior-weight`` and ``--prior-reading``: w^P of Section V-A, and what it multiplies."""
+    arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")
+    add_reading(arguments)
+
+
+def add_reading(arguments: argparse.ArgumentParser) -> None:
+    """``--prior-reading``: what a prior's weight multiplies."""
+    arguments.add_argument(
+        "--prior-reading", choices=READINGS, required=True, help="what a prior's weight multiplies"
+    )
 
 
 def add_published(arguments: argparse.ArgumentParser) -> None:

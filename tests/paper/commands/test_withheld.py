@@ -46,7 +46,16 @@ def solve(folder: Path, problem: Problem, **options: float) -> subprocess.Comple
     }
     return stage(
         "solve",
-        *("--problems", folder / "problems.npz", "--truth", folder / "truth.npz", "--prior-weight", 1e5),
+        *(
+            "--problems",
+            folder / "problems.npz",
+            "--truth",
+            folder / "truth.npz",
+            "--prior-weight",
+            1e5,
+            "--prior-reading",
+            "information",
+        ),
         *("--solver", json.dumps(asdict(Options()) | options)),
         *(part for name, file in outputs.items() for part in (f"--{name}", file)),
     )
@@ -56,7 +65,7 @@ def covariance(folder: Path) -> subprocess.CompletedProcess[str]:
     return stage(
         "covariance",
         *("--problems", folder / "problems.npz", "--states", folder / "states.npz"),
-        *("--prior-weight", 1e5, "--output", folder / "covariance.npz"),
+        *("--prior-weight", 1e5, "--prior-reading", "information", "--output", folder / "covariance.npz"),
     )
 
 
@@ -111,6 +120,7 @@ def test_claims_have_no_evidence_in_it(tmp_path: Path) -> None:
         vicon_room="V1_01_easy",
         source="euroc",
         cpu="made up",
+        reading="residual",
         criteria=Criteria(0.02, 0.05, 0.1, 0.99, 10, 1, 0.02, 1e-4),
     )
     with pytest.raises(NoEvidenceError, match="sine_plane: degenerate: scale"):
