@@ -21,7 +21,7 @@ _COLUMNS = ["source", "quantity", "weight", "pull"]
 
 
 def pulls(source: str, quantity: str, errors: pd.Series) -> list[Row]:
-    """1 / r - 1 of every weight. ``errors``: prior errors after the first step by weight, and of the free gauge.
+    """1 / r - 1 of every weight, from the prior errors after the first step by weight and of the free gauge.
 
     Weights that leave the free gauge's way as it is, or nothing of it, show no pull.
     """
