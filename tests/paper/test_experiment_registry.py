@@ -10,12 +10,9 @@ import yaml
 
 from support import ROOT
 from support.results import reasons
-from support.simulated import SETTINGS, trial
-from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper import experiments
 from vigauge_paper.claims import CLAIMS
-from vigauge_paper.experiments import free_spread
-from vigauge_paper.experiments.experiment import Experiment, Material
+from vigauge_paper.experiments.experiment import Experiment
 from vigauge_paper.experiments.registry import EXPERIMENTS
 
 
@@ -48,12 +45,3 @@ def test_configuration_has_the_settings_of_every_experiment() -> None:
     assert {name: set(part["properties"]) for name, part in sections.items()} == {
         name: fields for name, fields in wanted.items() if fields
     }
-
-
-def test_draws_are_others_than_that_of_the_results() -> None:
-    """Catches the configured scene explaining itself, and draws that are one and the same."""
-    material = Material(SETTINGS, Options(), 1e5, "sine_random", clock=lambda: 0.0)
-    table = free_spread.rows(material, free_spread.Settings(draws=2))
-    drawn = [row["ratio"] for row in table if row["experiment"] == "sine_random"]
-    own = free_spread.free_spread("sine_random", 0, trial(), Options())["ratio"]
-    assert len({*drawn, own}) == 3

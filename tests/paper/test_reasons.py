@@ -12,7 +12,6 @@ from support.simulated import scene, trial
 from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge, three_gauges
 from vigauge.solver.levenberg_marquardt import Options, solve
 from vigauge_paper.experiments.exchange import exchange, exchange_published, exchanged
-from vigauge_paper.experiments.free_spread import free_spread, position_variances
 from vigauge_paper.experiments.iteration_time import Settings, dense_times, iteration_times
 from vigauge_paper.experiments.orbit import cost_on_orbit
 from vigauge_paper.experiments.reading import PAPER, QUANTITIES, pulls, slopes
@@ -114,17 +113,3 @@ def test_dense_solves_of_both_sizes_are_timed() -> None:
     assert [(row["what"], row["repeat"], row["seconds"]) for row in rows] == [
         (what, repeat, 1.0) for repeat in (0, 1) for what in ("dense 9N", "dense 9N - 4")
     ]
-
-
-def test_position_variances_are_those_of_the_first_blocks() -> None:
-    """Catches rotations or velocities taken for positions."""
-    covariance = np.diag(np.r_[np.full(3, 1.0), np.full(3, 2.0), np.full(12, 50.0)])
-    assert list(position_variances(covariance, 2)) == [3.0, 6.0]
-
-
-def test_spread_of_the_free_gauge_goes_with_the_distance_to_the_points() -> None:
-    """Catches another gauge, under which the first keyframe has no variance at all, or another centre."""
-    row = free_spread("sine_random", 0, trial(), Options())
-    assert row["converged"] is True
-    assert 1.0 < float(str(row["ratio"])) < 20.0
-    assert float(str(row["correlation"])) > 0.9

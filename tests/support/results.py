@@ -188,13 +188,6 @@ def reasons() -> dict[str, pd.DataFrame]:
                 for repeat in range(4)
             ]
         ),
-        "free_spread": pd.DataFrame(
-            [
-                {"experiment": name, "draw": draw, "converged": True, "ratio": 3.0, "correlation": 0.9}
-                for name in CONFIGURATIONS
-                for draw in range(3)
-            ]
-        ),
         "reading": pd.DataFrame(
             [
                 {"source": source, "quantity": quantity, "weight": w, "pull": 1e-5 * w**power}
@@ -216,6 +209,7 @@ def covariance(n_keyframes: int = 3) -> dict[str, np.ndarray | float | int]:
     position = np.arange(3 * n_keyframes)
     free[position, position] = 2e-4 + 1e-5 * (position // 3)
     fixed = free.copy()
+    fixed[position, position] *= 1.0 + position // 3
     fixed[held] = 0.0
     fixed[:, held] = 0.0
     p_W = np.cumsum(rng.normal(size=(n_keyframes, 3)), axis=0)

@@ -1,16 +1,16 @@
 """The ledger: the paper's claims, each with a criterion, our measurement and a computed verdict.
 
-A claim is one function of the evidence. It returns what was measured and whether the
-criterion holds, or None for the latter where the evidence cannot tell (a stand-in is not
-EuRoC; no run converged). Sameness is judged as equivalence: a paired interval inside a stated
+A claim is one function of the evidence. It returns what was measured and the verdict: 'not tested' where
+there is no evidence (a stand-in is not EuRoC; no run converged), 'not resolvable' where an interval contains
+both the published effect and none. Sameness is judged as equivalence: a paired interval inside a stated
 margin. Claims stand by theme, in the order of the paper.
 """
 
 from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import Criteria, Interval
 from ..ids import ERRORS
-from .claim import Claim, Finding
-from .ledger import CLAIMS, explanations, ledger, paired_statistics
+from .claim import Claim, Finding, Verdict
+from .ledger import CLAIMS, explanations, headline, ledger, paired_statistics
 
 __all__ = [
     "CLAIMS",
@@ -21,7 +21,9 @@ __all__ = [
     "Finding",
     "Interval",
     "NoEvidenceError",
+    "Verdict",
     "explanations",
+    "headline",
     "ledger",
     "paired_statistics",
 ]

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 
 from ..experiments.evidence import Evidence
+from ..experiments.statistics import Interval
 from ..ids import STAND_IN
 
-Finding = tuple[str, bool | None]
+
+class Verdict(StrEnum):
+    """How a claim fares. ``UNRESOLVED``: the evidence agrees with the published effect and with none."""
+
+    HOLDS = "holds"
+    DIFFERS = "differs"
+    UNRESOLVED = "not resolvable"
+    UNTESTED = "not tested"
+
+
+Finding = tuple[str, Verdict]
 
 
 @dataclass(frozen=True)
@@ -16,8 +28,7 @@ class Claim:
     """One statement of the paper and how it is judged.
 
     ``evidence`` names what shows it: tables, figures, and tables of the explaining experiments.
-    ``judge`` returns what was measured and whether the criterion holds, None for the latter where the
-    evidence cannot tell. ``why``: the experiment that explains the outcome, in a sentence with its numbers.
+    ``judge`` returns what was measured, and the verdict. ``why`` says in one sentence why it is so.
     """
 
     id: str
@@ -27,14 +38,33 @@ class Claim:
     published: str
     criterion: str
     judge: Callable[[Evidence], Finding]
-    why: Callable[[Evidence], str] | None = None
+    why: str | Callable[[Evidence], str]
 
 
-def on_euroc(e: Evidence, text: str, holds: bool) -> Finding:
+def verdict(holds: bool) -> Verdict:
+    return Verdict.HOLDS if holds else Verdict.DIFFERS
+
+
+def resolve(interval: Interval, published: float, none: float = 0.0) -> Verdict:
+    """Whether an interval shows an effect with the sign of the published one; ``none`` is no effect."""
+    if interval.low <= none <= interval.high:
+        seen = interval.low <= published <= interval.high
+        return Verdict.UNRESOLVED if seen else Verdict.DIFFERS
+    return verdict((interval.low > none) == (published > none))
+
+
+def together(verdicts: Iterable[Verdict]) -> Verdict:
+    """Of a claim with several parts: the worst."""
+    found = set(verdicts)
+    return next(v for v in (Verdict.DIFFERS, Verdict.UNRESOLVED, Verdict.HOLDS) if v in found)
+
+
+def on_euroc(e: Evidence, text: str, found: Verdict) -> Finding:
     """A finding on the paper's image sequences; on others it is shown, and nothing is concluded."""
     if e.source == "euroc":
-        return text, holds
-    return f"{text} ({STAND_IN if e.source == 'rendered' else 'not the sequences of the paper'})", None
+        return text, found
+    where = STAND_IN if e.source == "rendered" else "not the sequences of the paper"
+    return f"{text} ({where})", Verdict.UNTESTED
 
 
 def spread(values: list[float], digits: str = ".3f") -> str:

@@ -6,7 +6,7 @@ from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import effect_size
 from ..ids import ERRORS, NOT_FIXED
 from .accuracy import ACCURACY
-from .claim import Claim
+from .claim import Claim, Finding, Verdict
 from .cost import COST
 from .covariance import COVARIANCE
 from .prior_weight import PRIOR_WEIGHT
@@ -17,16 +17,16 @@ Row = dict[str, object]
 
 CLAIMS: tuple[Claim, ...] = (*THEORY, *PRIOR_WEIGHT, *ACCURACY, *COST, *COVARIANCE, *SEQUENCES)
 
-VERDICTS = {True: "holds", False: "differs", None: "not tested"}
+# The only failure of substance: it leads the list of what differs.
+FIRST_OF_DIFFERENCES = "large-weights-unstable"
 
 
-def _judged(claim: Claim, evidence: Evidence) -> tuple[str, str]:
-    """What was measured, and the verdict."""
+def judged(claim: Claim, evidence: Evidence) -> Finding:
+    """What was measured and the verdict; without evidence 'not tested', and the reason."""
     try:
-        measured, holds = claim.judge(evidence)
+        return claim.judge(evidence)
     except NoEvidenceError as error:
-        return str(error), VERDICTS[None]
-    return measured, VERDICTS[None if holds is None else bool(holds)]
+        return str(error), Verdict.UNTESTED
 
 
 def ledger(evidence: Evidence) -> list[Row]:
@@ -34,7 +34,7 @@ def ledger(evidence: Evidence) -> list[Row]:
     rows: list[Row] = []
     printed = evidence.as_printed
     for claim in CLAIMS:
-        measured, verdict = _judged(claim, evidence)
+        measured, verdict = judged(claim, evidence)
         rows.append(
             {
                 "id": claim.id,
@@ -43,24 +43,45 @@ def ledger(evidence: Evidence) -> list[Row]:
                 "published": claim.published,
                 "measured": measured,
                 "criterion": claim.criterion,
-                "verdict": verdict,
-                "verdict_as_printed": _judged(claim, printed)[1],
+                "verdict": str(verdict),
+                "verdict_as_printed": str(judged(claim, printed)[1]),
             }
         )
     return rows
 
 
 def explanations(evidence: Evidence) -> list[Row]:
-    """Why, for each claim that an experiment explains: id and the sentence."""
+    """Why each claim fares as it does: id and a sentence."""
     rows: list[Row] = []
     for claim in CLAIMS:
-        if claim.why is None:
-            continue
         try:
-            rows.append({"id": claim.id, "why": claim.why(evidence)})
+            why = claim.why if isinstance(claim.why, str) else claim.why(evidence)
         except NoEvidenceError as error:
-            rows.append({"id": claim.id, "why": f"not explained: {error}"})
+            why = f"Not explained: {error}."
+        rows.append({"id": claim.id, "why": why})
     return rows
+
+
+def headline(rows: list[Row]) -> str:
+    """What reproduces, what does not and what cannot be resolved, in sentences."""
+    named: dict[str, list[str]] = {verdict: [] for verdict in Verdict}
+    for row in sorted(rows, key=lambda row: row["id"] != FIRST_OF_DIFFERENCES):
+        named[str(row["verdict"])].append(str(row["claim"]))
+    sentences = [f"{len(named[Verdict.HOLDS])} of {len(rows)} claims of the paper hold in this reproduction."]
+    for verdict, text in (
+        (Verdict.DIFFERS, "do not"),
+        (Verdict.UNRESOLVED, "cannot be resolved: our interval contains the published effect, and none"),
+        (Verdict.UNTESTED, "were not tested here"),
+    ):
+        if named[verdict]:
+            listed = "; ".join(f'"{claim}"' for claim in named[verdict])
+            sentences.append(f"{len(named[verdict])} {text}. These are: {listed}.")
+    changed = sum(row["verdict"] != row["verdict_as_printed"] for row in rows)
+    sentences.append(
+        "The prior's weight multiplies the residual here, as in the paper's figures. With the weight as "
+        f"information, as in its text, {changed} verdicts would change (column verdict_as_printed)."
+    )
+    return " ".join(sentences)
 
 
 def paired_statistics(evidence: Evidence) -> list[Row]:

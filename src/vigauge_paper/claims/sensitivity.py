@@ -12,17 +12,16 @@ from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import Criteria
 from ..ids import ERRORS
 from ..prior import RESIDUAL
-from .ledger import CLAIMS, VERDICTS
+from .claim import Verdict
+from .ledger import CLAIMS, judged
 
 Row = dict[str, object]
 
 SWEPT = (
     "same-accuracy",
-    "neither-better",
     "prior-fixation",
     "prior-fixation-digits",
     "fewer-iterations",
-    "sine-random",
 )
 
 
@@ -80,12 +79,8 @@ def judge_setting(
     for claim in CLAIMS:
         if claim.id not in SWEPT:
             continue
-        try:
-            measured, holds = claim.judge(evidence)
-        except NoEvidenceError as error:
-            measured, holds = str(error), None
-        verdict = VERDICTS[None if holds is None else bool(holds)]
-        rows.append({**shared, "id": claim.id, "verdict": verdict, "measured": measured})
+        measured, verdict = judged(claim, evidence)
+        rows.append({**shared, "id": claim.id, "verdict": str(verdict), "measured": measured})
     return rows
 
 
@@ -100,7 +95,7 @@ def ranges(table: pd.DataFrame) -> list[Row]:
             {
                 "id": claim,
                 "parameter": parameter,
-                **{name: values.get(name, "-") for name in VERDICTS.values()},
+                **{name: values.get(name, "-") for name in map(str, Verdict)},
             }
         )
     return rows

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from ..experiments.evidence import Evidence
 from ..ids import ERRORS
-from . import reasons
-from .claim import Claim, Finding, on_euroc
+from .claim import Claim, Finding, on_euroc, resolve, together, verdict
+
+# Middle of the published ratios of median times, Fig. 11: 0.81 to 0.93.
+TIME_RATIO = 0.87
 
 
 def _iterations(e: Evidence) -> Finding:
@@ -14,17 +16,17 @@ def _iterations(e: Evidence) -> Finding:
         free, fix = (e.mean(name, "iterations", gauge) for gauge in ("free", "fix"))
         texts.append(f"{name} {free:g} against {fix:g}")
         fewer.append(free < fix)
-    return on_euroc(e, "; ".join(texts), all(fewer))
+    return on_euroc(e, "; ".join(texts), verdict(all(fewer)))
 
 
 def _time(e: Evidence) -> Finding:
-    texts, faster = [], []
+    texts, found = [], []
     for name in e.sequences:
         for other in ("fix", "prior"):
             ratio = e.time_ratio([name], "free", other)
             texts.append(f"{name} to {other} {ratio}")
-            faster.append(ratio.high < 1.0)
-    return on_euroc(e, f"median paired ratio {'; '.join(texts)}, on {e.cpu}", all(faster))
+            found.append(resolve(ratio, TIME_RATIO, 1.0))
+    return on_euroc(e, f"median paired ratio {'; '.join(texts)}, on {e.cpu}", together(found))
 
 
 def _prior_iterations(e: Evidence) -> Finding:
@@ -33,7 +35,7 @@ def _prior_iterations(e: Evidence) -> Finding:
         prior, fix = (e.mean(name, "iterations", gauge) for gauge in ("prior", "fix"))
         texts.append(f"{name} {prior:g} against {fix:g}")
         same.append(prior == fix)
-    return on_euroc(e, "; ".join(texts), all(same))
+    return on_euroc(e, "; ".join(texts), verdict(all(same)))
 
 
 def _accuracy(e: Evidence) -> Finding:
@@ -42,7 +44,9 @@ def _accuracy(e: Evidence) -> Finding:
         for name in e.sequences
         for error in ERRORS
     )
-    return on_euroc(e, f"RMSE differ by up to {100 * worst:.2g} %", worst < e.criteria.accuracy_margin)
+    return on_euroc(
+        e, f"RMSE differ by up to {100 * worst:.2g} %", verdict(worst < e.criteria.accuracy_margin)
+    )
 
 
 SEQUENCES = (
@@ -54,6 +58,7 @@ SEQUENCES = (
         "8 against 10, 10 against 11",
         "fewer on both sequences",
         _iterations,
+        "The damping of Levenberg-Marquardt, as in simulation.",
     ),
     Claim(
         "euroc-time",
@@ -63,16 +68,17 @@ SEQUENCES = (
         "median ratios 0.81 to 0.93",
         "intervals over repeats of the median paired ratio of times below 1, to fix and to prior, on both",
         _time,
+        "An iteration costs the same in all gauges, so the time follows the number of iterations.",
     ),
     Claim(
         "euroc-prior-iterations",
-        ("fig11", "reading"),
+        ("fig11",),
         "VII, Fig. 11",
         "Prior takes as many iterations as fixation on EuRoC",
         "10 and 10, 11 and 11",
         "equal on both sequences",
         _prior_iterations,
-        reasons.reading,
+        "With many landmarks the damping is strong, so only a prior far above it acts as fixation.",
     ),
     Claim(
         "euroc-accuracy",
@@ -82,5 +88,6 @@ SEQUENCES = (
         "differences up to 0.3 %",
         "RMSE of free and fix within the margin",
         _accuracy,
+        "The gauge does not change the minimum, only the point of its orbit.",
     ),
 )

@@ -12,7 +12,7 @@ import pandas as pd
 from vigauge.cli.command import LOG
 from vigauge.errors import MixtureError
 from vigauge.files import write_rows, write_text
-from vigauge_paper.claims import Criteria, Evidence, explanations, ledger, paired_statistics
+from vigauge_paper.claims import Criteria, Evidence, explanations, headline, ledger, paired_statistics
 from vigauge_paper.claims.page import evidence_links
 from vigauge_paper.claims.sensitivity import ranges
 from vigauge_paper.run.artefacts import add_reading, add_section, named_file
@@ -57,7 +57,12 @@ def work(options: argparse.Namespace) -> None:
     write_rows(options.statistics, paired_statistics(evidence))
     files = dict(options.evidence)
     shown = [{**row, "evidence": _links(str(row["id"]), files, options.output.parent)} for row in rows]
-    page = markdown(shown, note) + "\n## Why\n\n" + markdown(why)
+    page = (
+        f"# Claims of the paper\n\n{headline(rows)}\n\n"
+        + markdown(shown, note)
+        + "\n## Why\n\n"
+        + markdown(why)
+    )
     if options.sensitivity and _belongs(options):
         page += "\n## Where in the range of our assumptions\n\n" + _ranges(options.sensitivity)
     write_text(options.output.with_suffix(".md"), page)

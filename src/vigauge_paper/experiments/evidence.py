@@ -105,10 +105,9 @@ class Evidence:
         ]
         return bootstrap(groups, mean, self.criteria)
 
-    def interval(self, differences: np.ndarray) -> tuple[float, float]:
+    def mean_interval(self, differences: np.ndarray) -> Interval:
         """Bootstrap interval of the mean of paired differences."""
-        found = bootstrap([differences], mean, self.criteria)
-        return found.low, found.high
+        return bootstrap([differences], mean, self.criteria)
 
     def time_ratio(
         self, names: Iterable[str], gauge: str, reference: str = "fix", *, each: bool = False

@@ -65,7 +65,7 @@ def sentence(e: Evidence) -> str:
     position, yaw = (found[PAPER, quantity] for quantity in QUANTITIES)
     return (
         "In the paper's Fig. 6 the weight multiplies the residual: the first step's prior error falls with "
-        f"its square (slope {position:.2f} for position, {yaw:.2f} for yaw)"
+        f"its square (slope {position:.2f} for position, {yaw:.2f} for yaw)."
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from . import (
     damping,
     exchange,
-    free_spread,
     iteration_time,
     orbit,
     reading,
@@ -22,7 +21,6 @@ _ALL = (
     weights.EXPERIMENT,
     exchange.EXPERIMENT,
     reading.EXPERIMENT,
-    free_spread.EXPERIMENT,
     iteration_time.EXPERIMENT,
 )
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}

@@ -36,16 +36,15 @@ def rows(material: Material, settings: Settings) -> list[Row]:
 
 
 def sentence(e: Evidence) -> str:
-    """How near the RMSE of each weight comes to that of fixation."""
-    table = e.reason("weights").groupby(["experiment", "gauge"])[list(ERRORS)].mean()
-    fix = table.xs(FIX, level="gauge")
-    parts = [
-        f"{weight}: {(table.xs(weight, level='gauge') - fix).abs().to_numpy().max():.1e}"
-        for weight in e.reason("weights")["gauge"].drop_duplicates()
-        if weight != FIX
-    ]
-    shown = f"{', '.join(parts)}{e.left_out('weights')}"
-    return f"largest difference of mean RMSE to fixation by w^P: {shown}"
+    """Up to which information runs were tried, and how near they come to fixation."""
+    table = e.reason("weights")
+    largest = max((name for name in table["gauge"].unique() if name != FIX), key=float)
+    means = table.groupby(["experiment", "gauge"])[list(ERRORS)].mean()
+    fix, other = (means.xs(name, level="gauge") for name in (FIX, largest))
+    return (
+        f"Up to an information of {largest} the prior behaves as fixation, whose mean RMSE it meets to "
+        f"{float((other - fix).abs().to_numpy().max()):.0e}{e.left_out('weights')}."
+    )
 
 
 EXPERIMENT = Experiment("weights", rows, Settings)

@@ -257,7 +257,7 @@ def test_same_config_gives_the_same_bytes(tmp_path: Path, smoke_project: Path) -
     targets = [f"data/solutions/arc_random/{name}" for name in ("solutions.csv", "trace.csv", "states.npz")]
     targets += ["data/simulation/arc_random/problems.npz", "data/covariance/arc_random.npz"]
     targets += [f"data/reasons/{file.name}" for file in (smoke_project / "data" / "reasons").iterdir()]
-    assert "data/reasons/free_spread.csv" in targets and "data/reasons/reading.csv" in targets
+    assert "data/reasons/weights.csv" in targets and "data/reasons/reading.csv" in targets
     done = snakemake(folder, *targets)
     assert done.returncode == 0, done.stderr[-3000:]
     for target in targets:
