@@ -1,0 +1,25 @@
+"""Draw what a prior's weight multiplies, in the paper's figures and in ours."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from vigauge_paper.figures.reading import draw_reading
+from vigauge_paper.run.artefacts import stem_of
+from vigauge_paper.run.stage import parser, run
+
+
+def work(options: argparse.Namespace) -> None:
+    draw_reading(options.pulls, options.output)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--pulls", type=Path, required=True, help="table of experiment 'reading'")
+    arguments.add_argument("--output", type=stem_of, required=True, help="PNG; PDF and CSV go beside it")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()
