@@ -48,6 +48,7 @@ FLOORS = (
     "vigauge.kernels",
     "vigauge.geometry",
     "vigauge.files",
+    "vigauge.arrays",
     "vigauge.errors",
 )
 

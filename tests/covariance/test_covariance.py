@@ -209,7 +209,7 @@ def test_transformation_by_its_definition():
     problem = random_problem(6)
     state = problem.initial
     reference = State.start(state.p_W + 1.0, state.R_WB, state.v_W, state.X_W)
-    root = np.random.default_rng(2).normal(size=(state.n_parameters,) * 2)
+    root = 0.1 * np.random.default_rng(2).normal(size=(state.n_parameters,) * 2)
     covariance = root @ root.T
     moved, yaw = FIXED.meet(state, reference)
     t_W = moved.p_W[0] - so3.yaw_rotation(yaw) @ state.p_W[0]
@@ -271,9 +271,8 @@ def test_prior_covariance_is_the_inverse_of_the_augmented_hessian(weight):
 
 def test_a_prior_without_weight_has_no_covariance():
     """Catches a bare linear algebra error, or infinities, where the prior leaves the gauge free."""
-    problem, state, _ = at_minimum()
-    with pytest.raises(DegenerateError):
-        motion_covariance(problem, state, PriorGauge(0.0))
+    with pytest.raises(DataError, match="weight: must be positive"):
+        PriorGauge(0.0)
 
 
 def test_prior_covariance_differs_by_the_weight():
@@ -301,6 +300,7 @@ def test_damped_inverse_is_repaired_by_the_projection():
     traces, errors = [], []
     for factor in (1e-8, 1e-10):
         damped = dense_without(H + factor * np.diag(np.diagonal(H)), np.empty(0, dtype=int))
+        damped = 0.5 * (damped + damped.T)
         traces.append(np.trace(damped) - np.trace(fixed))
         errors.append(relative_frobenius(project_covariance(damped, U, V), fixed))
     assert traces[1] == pytest.approx(100.0 * traces[0], rel=0.05)
@@ -476,10 +476,10 @@ def test_transformation_refuses_what_is_not_symmetric():
     """Catches a triangle of a covariance taken for all of it, and a NaN carried through."""
     problem, state, equations = at_minimum()
     covariance = covariance_of(equations, state, FREE, problem.initial)
-    with pytest.raises(DataError, match="covariance, asymmetry: must be finite and symmetric"):
+    with pytest.raises(DataError, match="covariance, row 0, column 3: must be symmetric"):
         transform_covariance(np.tril(covariance), state, FIXED, problem.initial)
     covariance[3, 3] = np.nan
-    with pytest.raises(DataError, match="must be finite and symmetric"):
+    with pytest.raises(DataError, match="covariance, row 3, column 3: must be finite"):
         transform_covariance(covariance, state, FIXED, problem.initial)
 
 

@@ -268,8 +268,8 @@ def test_the_first_rotation_keeps_its_own_parametrisation() -> None:
 @pytest.mark.parametrize(
     ("H", "U", "rule"),
     [
-        (np.eye(3)[:2], np.zeros((2, 1)), "square"),
-        (np.eye(3), np.zeros((2, 1)), "square"),
+        (np.eye(3)[:2], np.zeros((2, 1)), "shape"),
+        (np.eye(3), np.zeros((2, 1)), "shape"),
         (np.diag([1.0, np.nan, 1.0]), np.zeros((3, 1)), "finite"),
         (np.eye(3) + np.eye(3, k=1), np.zeros((3, 1)), "symmetric"),
     ],

@@ -34,6 +34,7 @@ def chi_square(problem: Problem, state: State) -> GroupChiSquare:
 
     Raises DegenerateError where more than the gauge is unobservable.
     """
+    problem.require_fits(state)
     visual, inertial = visual_residual(problem, state), inertial_residual(problem, state)
     covariance = Covariance.of(problem, state).motion(FixedGauge())
     taken = float(np.vdot(covariance, inertial_information(problem, state)))

@@ -17,6 +17,8 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
+from ..arrays import indices as indices_of
+from ..arrays import reals
 from ..errors import DataError
 from ..gauge.gauges import FreeGauge, Gauge, first_pose_columns
 from ..gauge.group import Group, YawTranslation
@@ -74,7 +76,7 @@ class Covariance:
 
         Raises DataError where state and problem differ in size.
         """
-        return cls.from_equations(linearise(problem, state), problem, state, group)
+        return cls.from_equations(linearise(problem, problem.require_fits(state)), problem, state, group)
 
     @classmethod
     def from_equations(
@@ -148,7 +150,7 @@ class Covariance:
 
         Raises DataError for a landmark that is not there.
         """
-        wanted = checked("landmarks", indices, self.state.n_landmarks)
+        wanted = indices_of("landmarks", indices, self.state.n_landmarks)
         projection = self._projection(gauge, landmarks=True)
         s, n_motion = self.reduced.structure, 9 * self.state.n_keyframes
         W, inverses = self.equations.total_couplings(), self.reduced.landmark_inverses()
@@ -168,7 +170,7 @@ class Covariance:
         return out
 
     def _columns(self, indices: Sequence[int] | Index | None) -> Index:
-        return self.reduced.structure.columns[checked("keyframes", indices, self.state.n_keyframes)]
+        return self.reduced.structure.columns[indices_of("keyframes", indices, self.state.n_keyframes)]
 
     def _projection(self, gauge: Gauge, *, landmarks: bool = False) -> _Projection:
         return _Projection.of(self, gauge, landmarks)
@@ -257,7 +259,7 @@ def _normal(covariance: Covariance, gauge: Gauge, prior: LinearFactor | None) ->
     """V (n, d): the gauge's constraints, or those combinations of them that stop the open directions."""
     state, U = covariance.state, covariance.U
     if prior is None:
-        V = gauge.normal(state)
+        V = reals(f"normal of gauge '{gauge.name}'", gauge.normal(state), (len(U), "d"))
     else:
         V = np.zeros((state.n_parameters, len(prior.residual)))
         V[prior.columns] = prior.jacobian.T
@@ -283,17 +285,6 @@ def _single_rows(V: Array) -> Index:
     """Rows that a constraint of V names alone: they do not move in the gauge."""
     single = np.count_nonzero(V, axis=0) == 1
     return np.flatnonzero(V[:, single].any(axis=1))
-
-
-def checked(name: str, wanted: Sequence[int] | Index | None, count: int) -> Index:
-    """Indices (m,) of things numbered from zero, all of them for None; DataError for a missing one."""
-    if wanted is None:
-        return np.arange(count)
-    index = np.asarray(wanted, dtype=np.int64)
-    bad = np.flatnonzero((index < 0) | (index >= count))
-    if bad.size:
-        raise DataError(name, f"must lie in 0..{count - 1}", row=int(bad[0]), value=int(index[bad[0]]))
-    return index
 
 
 def motion_pseudo_inverse(covariance: Covariance) -> Array:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
+from ..arrays import reals, symmetric
 from ..errors import DataError, DegenerateError
 from ..geometry.so3 import Array
 from ..observability.spectrum import require_regular
-from .projection import project_covariance
+from .projection import projected
 
 
 def _inverse(matrix: Array) -> Array:
@@ -50,10 +51,14 @@ def covariance_from_hessian(H: Array, U: Array, V: Array | None = None) -> Array
     Raises
     ------
     DataError
-        where U is not in the null space of H
+        for other shapes, numbers that are not finite, an H that is not symmetric, or U outside its
+        null space
     DegenerateError
         where H has further null directions
     """
+    H = symmetric("H", H)
+    U = reals("U", U, (len(H), "d"), matrix=True)
+    V = U if V is None else reals("V", V, U.shape, matrix=True)
     scale = np.sqrt(np.diagonal(H))
     if not np.all(scale > 0):
         raise DataError(
@@ -62,7 +67,10 @@ def covariance_from_hessian(H: Array, U: Array, V: Array | None = None) -> Array
     leak = np.linalg.norm((H @ U) / scale[:, None], axis=0) / np.linalg.norm(scale[:, None] * U, axis=0)
     if np.max(leak) > 1e-6:
         raise DataError(
-            "U", "columns must be in the null space of H", row=int(np.argmax(leak)), value=float(leak.max())
+            "U",
+            "must be in the null space of H",
+            field=f"column {int(np.argmax(leak))}",
+            value=float(leak.max()),
         )
     G = inverse_on_complement(H, U)
-    return project_covariance(G, U, U if V is None else V)
+    return projected(G, U, V)

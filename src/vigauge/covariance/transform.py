@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import symmetric
 from ..errors import DataError
 from ..gauge.gauges import Gauge
 from ..gauge.group import orbit_tangent
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..model.state import State
-from .projection import project_covariance
+from .projection import projected
 
 
 def transfer_blocks(state: State, moved: State, yaw: float, count: int) -> Array:
@@ -39,27 +40,30 @@ def transform_covariance(
     Raises
     ------
     DataError
-        for another shape, a matrix that is not symmetric, or a motion block where the gauge
-        constrains landmarks
+        for another shape, a matrix that is not symmetric or holds rotations with standard deviations
+        beyond pi, or a motion block where the gauge constrains landmarks
     """
-    n = len(covariance)
-    n_motion = 9 * state.n_keyframes
+    state.require_valid()
+    covariance = symmetric("covariance", covariance)
+    n, n_motion = len(covariance), 9 * state.n_keyframes
     if covariance.shape not in ((n_motion, n_motion), (state.n_parameters,) * 2):
         raise DataError(
             "covariance",
             f"shape must be ({n_motion}, {n_motion}) or {(state.n_parameters,) * 2}",
             value=covariance.shape,
         )
+    turn = np.diagonal(covariance)[3 * state.n_keyframes : 6 * state.n_keyframes]
+    if turn.max() > np.pi**2:
+        row = 3 * state.n_keyframes + int(np.argmax(turn))
+        rule = "standard deviation of a rotation must be below pi rad; is it an information matrix?"
+        raise DataError("covariance", rule, row=row, value=float(np.sqrt(turn.max())))
     moved, yaw = gauge.meet(state, reference)
     V = gauge.normal(moved)
     if n == n_motion and np.any(V[n_motion:]):
         raise DataError(
             "covariance", f"gauge '{gauge.name}' constrains landmarks, so their covariance is needed"
         )
-    asymmetry = float(np.linalg.norm(covariance - covariance.T) / np.linalg.norm(covariance))
-    if not asymmetry < 1e-8:
-        raise DataError("covariance", "must be finite and symmetric", field="asymmetry", value=asymmetry)
     blocks = transfer_blocks(state, moved, yaw, n // 3)
     carried = (blocks @ covariance.reshape(n // 3, 3, n)).reshape(n, n)
     carried = (blocks @ carried.T.reshape(n // 3, 3, n)).reshape(n, n)
-    return project_covariance(carried, orbit_tangent(moved)[:n], V[:n]), moved
+    return projected(carried, orbit_tangent(moved)[:n], V[:n]), moved

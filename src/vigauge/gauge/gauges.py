@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import integer, number
 from ..errors import VigaugeError
 from ..geometry import so3
 from ..geometry.so3 import Array
@@ -91,6 +92,9 @@ class FirstPosePrior:
     weight: float
     keyframes: tuple[int, ...] = field(default=(0,), init=False)
 
+    def __post_init__(self) -> None:
+        number("prior", self.weight, field="weight", above=0.0)
+
     @cached_property
     def _jacobian(self) -> Array:
         return float(np.sqrt(self.weight)) * np.eye(dimension(YawTranslation()))
@@ -103,10 +107,16 @@ class FirstPosePrior:
 
 @dataclass(frozen=True)
 class PriorGauge:
-    """Gauge prior, Eq. (11), with Sigma_0^P = I / weight (Section V-A)."""
+    """Gauge prior, Eq. (11), with Sigma_0^P = I / weight (Section V-A).
+
+    Raises DataError for a weight that is not positive and finite.
+    """
 
     weight: float
     name: str = field(default="prior", kw_only=True)
+
+    def __post_init__(self) -> None:
+        number("gauge 'prior'", self.weight, field="weight", above=0.0)
 
     @cached_property
     def factor(self) -> FirstPosePrior:
@@ -160,6 +170,9 @@ class KeyframeGauge:
 
     index: int = 0
     name: str = field(default="keyframe", kw_only=True)
+
+    def __post_init__(self) -> None:
+        integer("gauge 'keyframe'", self.index, field="index")
 
     def held(self, state: State) -> Index:
         return _NOTHING

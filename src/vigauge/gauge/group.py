@@ -16,6 +16,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from ..arrays import reals
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..kernels import rotation
@@ -47,6 +48,7 @@ def orbit_tangent(state: State) -> Array:
     It belongs to this package's parameters: left increments in W, the first rotation as
     Eq. (9), order of :mod:`vigauge.model.state`.
     """
+    state.require_valid()
     U = np.empty((state.n_parameters, dimension(YawTranslation())))
     rotation.orbit_tangent(state.p_W, state.v_W, state.X_W, state.dphi_0, U)
     return U
@@ -62,6 +64,7 @@ class YawTranslation:
         return orbit_tangent(state)
 
     def act(self, state: State, parameters: Array) -> State:
+        parameters = reals("parameters", parameters, (4,))
         return state.transformed(float(parameters[0]), parameters[1:])
 
 
@@ -76,6 +79,7 @@ class Euclidean:
         return _stacked(state, [*(_turn(state, e) for e in axes), *(_shift(state, e) for e in axes)])
 
     def act(self, state: State, parameters: Array) -> State:
+        parameters = reals("parameters", parameters, (6,))
         return _moved(state, so3.exp(parameters[:3]), parameters[3:], 1.0)
 
 
@@ -93,6 +97,7 @@ class Similarity:
         return np.column_stack([Euclidean().tangent(state), _stacked(state, [scaling])])
 
     def act(self, state: State, parameters: Array) -> State:
+        parameters = reals("parameters", parameters, (7,))
         return _moved(state, so3.exp(parameters[:3]), parameters[3:6], float(np.exp(parameters[6])))
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arrays import integer, number, reals, require_rotations
 from ..errors import VigaugeError
 from .so3 import Array
 
@@ -24,6 +25,9 @@ class Camera:
     width, height : image size, pixels
     distortion : (k1, k2, p1, p2) of the radial-tangential (OpenCV, "plumb bob") model
     R_BC, p_BC : (3, 3) and (3,) m, camera to body: x_B = R_BC x_C + p_BC
+
+    Raises DataError for a focal length or a size that is not positive, a matrix that is no rotation
+    (1e-6), or numbers that are not finite.
     """
 
     fx: float
@@ -35,6 +39,18 @@ class Camera:
     distortion: tuple[float, float, float, float]
     R_BC: Array
     p_BC: Array
+
+    def __post_init__(self) -> None:
+        for name in ("fx", "fy"):
+            number("camera", getattr(self, name), field=name, above=0.0)
+        for name in ("cx", "cy"):
+            number("camera", getattr(self, name), field=name)
+        for name in ("width", "height"):
+            number("camera", integer("camera", getattr(self, name), field=name), field=name, above=0.0)
+        reals("camera", self.distortion, (4,), field="distortion")
+        for name, shape in (("R_BC", (3, 3)), ("p_BC", (3,))):
+            object.__setattr__(self, name, reals("camera", getattr(self, name), shape, field=name))
+        require_rotations("camera", self.R_BC[None], field="R_BC")
 
     @property
     def K(self) -> Array:

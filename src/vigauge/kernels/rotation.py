@@ -113,6 +113,48 @@ def retract_rotations(R_WB: Array, step: Array, dphi_0: Array, R_ref: Array, out
                 out[i, a, b] = turn[a, 0] * base[0, b] + turn[a, 1] * base[1, b] + turn[a, 2] * base[2, b]
 
 
+@part
+def _drift(R: Array) -> float:
+    """Sum of the sizes of R R^T - I; large for a mirror image, NaN where R has one."""
+    out = 0.0
+    for a in range(3):
+        for b in range(a, 3):
+            product = R[a, 0] * R[b, 0] + R[a, 1] * R[b, 1] + R[a, 2] * R[b, 2]
+            out += abs(product - (1.0 if a == b else 0.0))
+    determinant = (
+        R[0, 0] * (R[1, 1] * R[2, 2] - R[1, 2] * R[2, 1])
+        - R[0, 1] * (R[1, 0] * R[2, 2] - R[1, 2] * R[2, 0])
+        + R[0, 2] * (R[1, 0] * R[2, 1] - R[1, 1] * R[2, 0])
+    )
+    return out + (0.0 if determinant > 0.0 else 2.0)
+
+
+@kernel
+def state_defect(p_W: Array, R_WB: Array, v_W: Array, X_W: Array, dphi_0: Array, R_ref: Array) -> float:
+    """Zero or tiny for a valid state: finite numbers, rotations, Eq. (9) true of the first; NaN is not.
+
+    A quick look, no measure: a state with more than 1e-6 is looked at again, part by part.
+    """
+    out = 0.0
+    for vectors in (p_W, v_W, X_W):
+        for i in range(len(vectors)):
+            for a in range(3):
+                out += 0.0 * vectors[i, a]  # NaN for infinity too
+    for i in range(len(R_WB)):
+        out += _drift(R_WB[i])
+    out += _drift(R_ref)
+    squared = dphi_0[0] * dphi_0[0] + dphi_0[1] * dphi_0[1] + dphi_0[2] * dphi_0[2]
+    if not math.sqrt(squared) < 2.0 * math.pi - 1e-6:
+        return 1.0
+    turn = np.empty((3, 3))
+    exp(dphi_0, turn)
+    for a in range(3):
+        for b in range(3):
+            product = turn[a, 0] * R_ref[0, b] + turn[a, 1] * R_ref[1, b] + turn[a, 2] * R_ref[2, b]
+            out += abs(product - R_WB[0, a, b])
+    return out
+
+
 @kernel
 def orbit_tangent(p_W: Array, v_W: Array, X_W: Array, dphi_0: Array, U: Array) -> None:
     """Eq. (15) into ``U`` (9N + 3K, 4): columns (yaw, x, y, z), rows as in :mod:`vigauge.model.state`."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import VigaugeError
+from ..arrays import reals
+from ..errors import DataError, VigaugeError
 from ..geometry import so3
 from ..geometry.so3 import Array
 from .state import State
@@ -60,6 +61,8 @@ def trajectory_errors(
     estimate: State, truth: State, align: Callable[[State, State], State] = align_first_pose
 ) -> TrajectoryErrors:
     """RMSE over the keyframes of both states after alignment, the paper's by default (Section IV-C.1)."""
+    estimate.require_valid()
+    truth.require_valid()
     if estimate.n_keyframes != truth.n_keyframes:
         raise VigaugeError(
             "estimate and truth must have the same keyframes: "
@@ -92,6 +95,7 @@ class CovarianceDefects:
 
 def covariance_defects(covariance: Array) -> CovarianceDefects:
     """How far a matrix is from symmetric and from positive semi-definite, whatever its units."""
+    covariance = reals("covariance", covariance, ("n", "n"))
     norm = float(np.linalg.norm(covariance))
     diagonal = np.diagonal(covariance)
     if norm == 0.0 or np.any(diagonal < 0.0):
@@ -108,5 +112,13 @@ def covariance_defects(covariance: Array) -> CovarianceDefects:
 
 
 def relative_frobenius(A: Array, reference: Array) -> float:
-    """||A - reference||_F / ||reference||_F (captions of Figs. 9 and 10)."""
-    return float(np.linalg.norm(A - reference) / np.linalg.norm(reference))
+    """||A - reference||_F / ||reference||_F (captions of Figs. 9 and 10).
+
+    Raises DataError for matrices of different shapes, numbers that are not finite, and a reference of zeros.
+    """
+    reference = reals("reference", reference, np.shape(reference))
+    A = reals("A", A, reference.shape)
+    size = float(np.linalg.norm(reference))
+    if not size > 0.0:
+        raise DataError("reference", "must not be zero", value=reference.shape)
+    return float(np.linalg.norm(A - reference)) / size

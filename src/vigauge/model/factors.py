@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import indices, reals
 from ..errors import DataError
 from ..geometry.so3 import Array
 from .state import State
@@ -40,15 +41,13 @@ class LinearFactor:
 
     def require_valid(self, name: str, state: State) -> LinearFactor:
         """This factor, if its shapes fit and its numbers are finite; else DataError."""
-        m, c, last = len(self.residual), len(self.columns), 9 * state.n_keyframes - 1
-        for field, array, shape in (("residual", self.residual, (m,)), ("jacobian", self.jacobian, (m, c))):
-            if np.shape(array) != shape:
-                raise DataError(name, f"must have shape {shape}", field=field, value=np.shape(array))
-            if not np.all(np.isfinite(array)):
-                raise DataError(name, "must be finite", field=field)
-        if len(np.unique(self.columns)) < c or c == 0 or min(self.columns) < 0 or max(self.columns) > last:
-            raise DataError(name, f"must be distinct, in 0..{last}", field="columns", value=self.columns)
-        return self
+        last = 9 * state.n_keyframes - 1
+        columns = indices(name, self.columns, last + 1, field="columns")
+        residual = reals(name, self.residual, ("m",), field="residual")
+        jacobian = reals(name, self.jacobian, (len(residual), len(columns)), field="jacobian")
+        if len(np.unique(columns)) < len(columns) or not len(columns):
+            raise DataError(name, f"must be distinct, in 0..{last}", field="columns", value=columns)
+        return LinearFactor(columns, residual, jacobian, self.total)
 
 
 class MotionFactor(Protocol):

@@ -17,9 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import integer, integers, number, reals
 from ..errors import DataError
 from ..geometry import so3
 from ..geometry.so3 import Array
+
+# A gap is a step this many times the median.
+_LARGEST_GAP = 10.0
+# No inertial sensor is faster than 33 kHz; stamps in micro- or milliseconds would look like it.
+_SHORTEST_PERIOD_S = 3e-5
 
 
 @dataclass(frozen=True)
@@ -28,6 +34,11 @@ class ImuNoise:
 
     gyro_density: float
     accel_density: float
+
+    def __post_init__(self) -> None:
+        for name in ("gyro_density", "accel_density"):
+            if number("imu noise", getattr(self, name), field=name) < 0.0:
+                raise DataError("imu noise", "must not be negative", field=name, value=getattr(self, name))
 
     def scaled(self, factor: float) -> ImuNoise:
         """Both densities times ``factor``."""
@@ -43,14 +54,38 @@ class ImuSamples:
     t_ns : (M,) int64, strictly increasing, nanoseconds
     gyro : (M, 3) angular velocity, rad/s
     accel : (M, 3) specific force, m/s^2
+
+    Raises DataError for stamps that are no integers or do not increase, other shapes, or numbers that
+    are not finite.
     """
 
     t_ns: NDArray[np.int64]
     gyro: Array
     accel: Array
 
+    def __post_init__(self) -> None:
+        t_ns = np.asarray(self.t_ns)
+        if t_ns.dtype.kind == "f" and t_ns.size:
+            rule = "must be integer nanoseconds; of seconds, np.round(t * 1e9).astype(np.int64)"
+            raise DataError("imu", rule, field="timestamp", value=str(t_ns.dtype))
+        object.__setattr__(self, "t_ns", integers("imu", t_ns, ("M",), field="timestamp"))
+        for name in ("gyro", "accel"):
+            array = reals("imu", getattr(self, name), (len(self.t_ns), 3), field=name)
+            object.__setattr__(self, name, array)
+        step = np.diff(self.t_ns)
+        if np.any(step <= 0):
+            row = int(np.argmax(step <= 0)) + 1
+            value = int(self.t_ns[row - 1]), int(self.t_ns[row])
+            rule = "must increase strictly; sort the samples and drop repeated stamps"
+            raise DataError("imu", rule, field="timestamp", row=row, value=value)
+
     def corrected(self, gyro_bias: Array, accel_bias: Array) -> ImuSamples:
         """Samples with known biases taken off; each bias is (3,) or (M, 3)."""
+        count = len(self.t_ns)
+        gyro_bias, accel_bias = (
+            reals("imu", bias, (3,) if np.ndim(bias) == 1 else (count, 3), field=name)
+            for name, bias in (("gyro_bias", gyro_bias), ("accel_bias", accel_bias))
+        )
         return ImuSamples(self.t_ns, self.gyro - gyro_bias, self.accel - accel_bias)
 
     def period(self) -> float:
@@ -103,6 +138,22 @@ def _nodes(samples: ImuSamples, t_start_ns: int, t_end_ns: int) -> tuple[Array, 
     return (node_ns - t_start_ns) * 1e-9, full
 
 
+def _require_dense(samples: ImuSamples, lo: int, hi: int, largest_gap_s: float | None) -> None:
+    """DataError where samples lo..hi have a gap, or where all come faster than any sensor's."""
+    period = samples.period()
+    if period < _SHORTEST_PERIOD_S:
+        rule = f"must be nanoseconds: samples every {period:.1e} s are faster than any sensor's"
+        raise DataError("imu", rule, field="timestamp", value=int(samples.t_ns[0]))
+    largest = _LARGEST_GAP * period
+    if largest_gap_s is not None:
+        largest = number("largest_gap_s", largest_gap_s, above=0.0)
+    gap = np.diff(samples.t_ns[lo:hi]) * 1e-9
+    if gap.max() > largest * (1.0 + 1e-9):
+        row = int(np.argmax(gap))
+        rule = f"gap between samples must not exceed {largest:g} s; largest_gap_s allows a larger one"
+        raise DataError("imu", rule, field="timestamp", row=lo + row, value=float(gap[row]))
+
+
 def _accumulate_rotations(steps: Array) -> Array:
     """(M + 1, 3, 3) running products, starting at the identity, of the (M, 3, 3) steps."""
     running = np.empty((len(steps) + 1, 3, 3))
@@ -112,18 +163,31 @@ def _accumulate_rotations(steps: Array) -> Array:
     return running
 
 
-def preintegrate(samples: ImuSamples, t_start_ns: int, t_end_ns: int, noise: ImuNoise) -> Preintegrated:
+def preintegrate(
+    samples: ImuSamples,
+    t_start_ns: int,
+    t_end_ns: int,
+    noise: ImuNoise,
+    *,
+    largest_gap_s: float | None = None,
+) -> Preintegrated:
     """Preintegrate bias-corrected samples from ``t_start_ns`` to ``t_end_ns``.
+
+    ``largest_gap_s``: time between two samples that is still bridged by a straight line, by default ten
+    times the median.
 
     Raises
     ------
     DataError
-        where the samples do not cover the interval.
+        where the samples do not cover the interval or have a larger gap in it, or where stamps are no
+        integer nanoseconds.
     """
+    t_start_ns, t_end_ns = integer("t_start_ns", t_start_ns), integer("t_end_ns", t_end_ns)
     lo = max(int(np.searchsorted(samples.t_ns, t_start_ns, side="right")) - 1, 0)
     hi = int(np.searchsorted(samples.t_ns, t_end_ns, side="left")) + 1
     window = ImuSamples(samples.t_ns[lo:hi], samples.gyro[lo:hi], samples.accel[lo:hi])
     time, weights = _nodes(window, t_start_ns, t_end_ns)
+    _require_dense(samples, lo, hi, largest_gap_s)
     gyro, accel = weights @ window.gyro, weights @ window.accel
     h = np.diff(time)[:, None]
 

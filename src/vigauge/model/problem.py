@@ -6,6 +6,7 @@ works on whole arrays.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -13,6 +14,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import indices, integers, number, reals, require_rotations, require_symmetric
 from ..errors import DataError
 from ..geometry.camera import Camera
 from ..geometry.so3 import Array
@@ -24,20 +26,15 @@ from .factors import MotionFactor
 from .imu import Preintegrated
 from .state import State
 
-
-def _require_finite(file: str, name: str, array: Array) -> None:
-    if not np.all(np.isfinite(array)):
-        row = int(np.argwhere(~np.isfinite(array))[0][0])
-        raise DataError(file, "must be finite", field=name, row=row, value=array[row])
+Shape = tuple[int | str, ...]
 
 
-def _make_contiguous(owner: object, names: tuple[str, ...], dtype: type) -> None:
-    """One form for compiled code; arrays that have it are kept as they are."""
-    for name in names:
-        array = np.asarray(getattr(owner, name))
-        if not np.can_cast(array.dtype, dtype, "same_kind"):
-            raise DataError("problem", f"must hold {dtype.__name__}", field=name, value=array.dtype)
-        object.__setattr__(owner, name, np.ascontiguousarray(array, dtype=dtype))
+def _take(owner: object, what: str, numbers: Mapping[str, Shape], counts: Mapping[str, Shape]) -> None:
+    """One form for compiled code, finite and of the shape given; arrays that have it are kept as they are."""
+    for name, shape in counts.items():
+        object.__setattr__(owner, name, integers(what, getattr(owner, name), shape, field=name))
+    for name, shape in numbers.items():
+        object.__setattr__(owner, name, reals(what, getattr(owner, name), shape, field=name))
 
 
 @dataclass(frozen=True)
@@ -60,22 +57,19 @@ class InertialFactors:
     covariance: Array
 
     def __post_init__(self) -> None:
-        _make_contiguous(self, ("first", "second"), np.int64)
-        _make_contiguous(self, ("dt", "dp", "dR", "dv", "covariance"), np.float64)
-        count = len(self.dt)
-        for name, shape in (
-            ("first", (count,)),
-            ("second", (count,)),
-            ("dt", (count,)),
-            ("dp", (count, 3)),
-            ("dR", (count, 3, 3)),
-            ("dv", (count, 3)),
-            ("covariance", (count, 9, 9)),
-        ):
-            array = getattr(self, name)
-            if array.shape != shape:
-                raise DataError("inertial factors", f"must have shape {shape}", field=name, value=array.shape)
-            _require_finite("inertial factors", name, array)
+        count = np.size(self.dt)
+        _take(
+            self,
+            "inertial factors",
+            {
+                "dt": (count,),
+                "dp": (count, 3),
+                "dR": (count, 3, 3),
+                "dv": (count, 3),
+                "covariance": (count, 9, 9),
+            },
+            {"first": (count,), "second": (count,)},
+        )
         if np.any(self.first == self.second):
             row = int(np.argmax(self.first == self.second))
             value = int(self.second[row])
@@ -86,6 +80,8 @@ class InertialFactors:
             raise DataError(
                 "inertial factors", "must be positive", field="dt", row=row, value=float(self.dt[row])
             )
+        require_rotations("inertial factors", self.dR, field="dR")
+        require_symmetric("inertial factors", self.covariance, field="covariance")
         try:
             np.linalg.cholesky(self.covariance)
         except np.linalg.LinAlgError as error:
@@ -144,46 +140,25 @@ class Problem:
     factors: tuple[MotionFactor, ...] = ()
 
     def __post_init__(self) -> None:
-        _make_contiguous(self, ("obs_keyframe", "obs_camera", "obs_landmark"), np.int64)
-        _make_contiguous(self, ("obs_uv",), np.float64)
-        n, k, m = self.initial.n_keyframes, self.initial.n_landmarks, len(self.obs_uv)
-        if self.obs_uv.shape != (m, 2):
-            raise DataError("problem", f"must have shape ({m}, 2)", field="obs_uv", value=self.obs_uv.shape)
-        for name, index, length, count in (
-            ("obs_keyframe", self.obs_keyframe, m, n),
-            ("obs_camera", self.obs_camera, m, len(self.cameras)),
-            ("obs_landmark", self.obs_landmark, m, k),
-            ("first", self.inertial.first, len(self.inertial.dt), n),
-            ("second", self.inertial.second, len(self.inertial.dt), n),
+        m = np.shape(self.obs_uv)[0] if np.ndim(self.obs_uv) else 0
+        counts: dict[str, Shape] = dict.fromkeys(("obs_keyframe", "obs_camera", "obs_landmark"), (m,))
+        _take(self, "problem", {"obs_uv": (m, 2)}, counts)
+        n, k = self.initial.require_valid().n_keyframes, self.initial.n_landmarks
+        for name, index, count in (
+            ("obs_keyframe", self.obs_keyframe, n),
+            ("obs_camera", self.obs_camera, len(self.cameras)),
+            ("obs_landmark", self.obs_landmark, k),
+            ("first", self.inertial.first, n),
+            ("second", self.inertial.second, n),
         ):
-            if index.shape != (length,):
-                raise DataError("problem", f"must have shape ({length},)", field=name, value=index.shape)
-            bad = np.flatnonzero((index < 0) | (index >= count))
-            if bad.size:
-                raise DataError(
-                    "problem",
-                    f"must lie in 0..{count - 1}",
-                    field=name,
-                    row=int(bad[0]),
-                    value=int(index[bad[0]]),
-                )
+            indices("problem", index, count, field=name)
         self._require_order()
-        _require_finite("problem", "obs_uv", self.obs_uv)
-        for name in ("sigma_px", "gravity"):
-            if not np.isfinite(getattr(self, name)):
-                raise DataError("problem", "must be finite", field=name, value=getattr(self, name))
-        for number, factor in enumerate(self.factors):
-            missing = [k for k in factor.keyframes if not 0 <= k < n]
-            if missing:
-                raise DataError(
-                    "problem",
-                    f"keyframes must lie in 0..{n - 1}",
-                    field="factors",
-                    row=number,
-                    value=missing[0],
-                )
-        if not self.sigma_px > 0:
-            raise DataError("problem", "must be positive", field="sigma_px", value=self.sigma_px)
+        number("problem", self.sigma_px, field="sigma_px", above=0.0)
+        if number("problem", self.gravity, field="gravity") < 0.0:
+            rule = "must not be negative: it is the g of g_W = (0, 0, -g)"
+            raise DataError("problem", rule, field="gravity", value=self.gravity)
+        for place, factor in enumerate(self.factors):
+            indices(f"problem, factors {place}", factor.keyframes, n, field="keyframes")
 
     def _require_order(self) -> None:
         """Observations of a landmark and keyframe are one pair, so what belongs together must be adjacent."""
@@ -194,6 +169,16 @@ class Problem:
             raise DataError(
                 "problem", "observations of a landmark must be ordered by keyframe", field="obs_keyframe"
             )
+        of_pair = self.obs_landmark * self.initial.n_keyframes + self.obs_keyframe
+        view = of_pair * len(self.cameras) + self.obs_camera
+        order = np.argsort(view, kind="stable")
+        again = order[1:][np.diff(view[order]) == 0]
+        if again.size:
+            row = int(again.min())
+            seen_by = int(self.obs_keyframe[row]), int(self.obs_camera[row])
+            rule = "a keyframe's camera must see a landmark once only; keep one observation of each"
+            value = f"landmark {self.obs_landmark[row]}, keyframe {seen_by[0]}, camera {seen_by[1]}"
+            raise DataError("problem", rule, field="obs_uv", row=row, value=value)
         seen = np.bincount(self.obs_landmark, minlength=self.initial.n_landmarks)
         if len(seen) and seen.min() == 0:
             raise DataError(
@@ -215,19 +200,31 @@ class Problem:
         factors: tuple[MotionFactor, ...] = (),
     ) -> Problem:
         """Build from observations in any order (they are sorted by landmark, keyframe, camera)."""
+        camera, keyframe, landmark = (
+            integers("problem", array, ("M",), field=f"obs_{name}")
+            for name, array in (("camera", camera), ("keyframe", keyframe), ("landmark", landmark))
+        )
+        uv = reals("problem", uv, (len(landmark), 2), field="obs_uv")
+        for name, index in (("camera", camera), ("keyframe", keyframe)):
+            integers("problem", index, (len(landmark),), field=f"obs_{name}")
         order = np.lexsort((camera, keyframe, landmark))
         return cls(
             initial=initial,
             cameras=cameras,
-            obs_keyframe=np.asarray(keyframe, dtype=np.int64)[order],
-            obs_camera=np.asarray(camera, dtype=np.int64)[order],
-            obs_landmark=np.asarray(landmark, dtype=np.int64)[order],
-            obs_uv=np.asarray(uv, dtype=float)[order],
+            obs_keyframe=keyframe[order],
+            obs_camera=camera[order],
+            obs_landmark=landmark[order],
+            obs_uv=uv[order],
             sigma_px=sigma_px,
             inertial=inertial,
             gravity=gravity,
             factors=factors,
         )
+
+    def require_fits(self, state: State) -> State:
+        """A state that is one, and of as many keyframes and landmarks as this problem; else DataError."""
+        self.initial.require_size(state.require_valid())
+        return state
 
     def with_initial(self, initial: State) -> Problem:
         """The same measurements, started elsewhere."""
@@ -235,7 +232,8 @@ class Problem:
 
     def with_noise(self, sigma_px: float, density_factor: float) -> Problem:
         """Another belief about the noise: pixel sigma, and a factor on both inertial densities."""
-        covariance = self.inertial.covariance * density_factor**2
+        factor = number("with_noise", density_factor, field="density_factor", above=0.0)
+        covariance = self.inertial.covariance * factor**2
         return replace(self, sigma_px=sigma_px, inertial=replace(self.inertial, covariance=covariance))
 
     @cached_property

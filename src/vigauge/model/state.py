@@ -14,39 +14,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..arrays import number, reals, require_rotations
 from ..errors import DataError
 from ..geometry import so3
 from ..geometry.so3 import Array
-from ..kernels.rotation import retract_rotations
+from ..kernels import rotation
 
-
-def _require_rotations(name: str, R: Array) -> None:
-    # Entries outside [-2, 2] are no rotation's, and their products may overflow.
-    small = np.abs(R).max(axis=(1, 2), initial=0.0) < 2.0
-    R_small = np.where(small[:, None, None], R, 0.0)
-    drift = np.abs(R_small @ R_small.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
-    drift = np.maximum(drift, np.where(np.linalg.det(R_small) > 0, 0.0, 2.0))
-    if np.any(drift > 1e-6):
-        row = int(np.argmax(drift))
-        raise DataError("state", "must be a rotation matrix", field=name, row=row, value=R[row])
-
-
-def _require_valid(p_W: Array, R_WB: Array, v_W: Array, X_W: Array) -> None:
-    n = len(p_W)
-    if n == 0:
-        raise DataError("state", "must have at least one keyframe", field="p_W")
-    for name, array, shape in (
-        ("p_W", p_W, (n, 3)),
-        ("R_WB", R_WB, (n, 3, 3)),
-        ("v_W", v_W, (n, 3)),
-        ("X_W", X_W, (len(X_W), 3)),
-    ):
-        if np.shape(array) != shape:
-            raise DataError("state", f"shape must be {shape}", field=name, value=np.shape(array))
-        if not np.all(np.isfinite(array)):
-            row = int(np.argwhere(~np.isfinite(np.asarray(array)))[0][0])
-            raise DataError("state", "must be finite", field=name, row=row, value=array[row])
-    _require_rotations("R_WB", np.asarray(R_WB, dtype=float))
+_SHAPES: dict[str, tuple[int | str, ...]] = {
+    "p_W": ("N", 3),
+    "R_WB": ("N", 3, 3),
+    "v_W": ("N", 3),
+    "X_W": ("K", 3),
+    "dphi_0": (3,),
+    "R_WB0_ref": (3, 3),
+}
 
 
 @dataclass(frozen=True)
@@ -71,9 +52,20 @@ class State:
     R_WB0_ref: Array
 
     def __post_init__(self) -> None:
-        # One form for compiled code; arrays that have it are kept as they are.
-        for name in ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref"):
-            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=float))
+        # One form for compiled code; arrays that have it are kept as they are. Numbers may be anything here:
+        # a trial step of the solver may go beyond them.
+        for name in _SHAPES:
+            array = getattr(self, name)
+            if type(array) is not np.ndarray or array.dtype != np.float64 or not array.flags.c_contiguous:
+                object.__setattr__(self, name, reals("state", array, _SHAPES[name], field=name))
+        n, k = (array.shape[0] if array.ndim else 0 for array in (self.p_W, self.X_W))
+        if n == 0:
+            raise DataError("state", "must have at least one keyframe", field="p_W")
+        shapes = (n, 3), (n, 3, 3), (n, 3), (k, 3), (3,), (3, 3)
+        for name, shape in zip(_SHAPES, shapes, strict=True):
+            if getattr(self, name).shape != shape:
+                found = getattr(self, name).shape
+                raise DataError("state", f"must have shape {shape}", field=name, value=found)
 
     @classmethod
     def start(cls, p_W: Array, R_WB: Array, v_W: Array, X_W: Array) -> State:
@@ -81,25 +73,25 @@ class State:
 
         Raises DataError for wrong shapes, non-finite numbers or matrices that are no rotations.
         """
-        _require_valid(p_W, R_WB, v_W, X_W)
-        R_WB = np.array(R_WB, dtype=float)
-        return cls(
-            p_W=np.array(p_W, dtype=float),
-            R_WB=R_WB,
-            v_W=np.array(v_W, dtype=float),
-            X_W=np.array(X_W, dtype=float),
-            dphi_0=np.zeros(3),
-            R_WB0_ref=R_WB[0].copy(),
-        )
+        arrays = {
+            name: reals("state", array, _SHAPES[name], field=name).copy()
+            for name, array in (("p_W", p_W), ("R_WB", R_WB), ("v_W", v_W), ("X_W", X_W))
+        }
+        # Without a keyframe there is no first rotation; what refuses that stands in one place.
+        R_ref = np.concatenate([arrays["R_WB"], np.eye(3)[None]])[0]
+        return cls(**arrays, dphi_0=np.zeros(3), R_WB0_ref=R_ref).require_valid()
 
     def require_valid(self) -> State:
         """This state, if it is one: as :meth:`start` asks, and with Eq. (9) true of the first rotation.
 
         Raises DataError. For states from outside; the methods of a valid state keep it valid.
         """
-        _require_valid(self.p_W, self.R_WB, self.v_W, self.X_W)
-        if np.shape(self.dphi_0) != (3,) or not np.all(np.isfinite(self.dphi_0)):
-            raise DataError("state", "must be a finite rotation vector", field="dphi_0", value=self.dphi_0)
+        arrays = [getattr(self, name) for name in _SHAPES]
+        if rotation.state_defect(*arrays) < 1e-6:
+            return self
+        for name, array in zip(_SHAPES, arrays, strict=True):
+            reals("state", array, _SHAPES[name], field=name)
+        require_rotations("state", self.R_WB, field="R_WB")
         if np.max(np.abs(self.dphi_0)) > 7.0 or np.linalg.norm(self.dphi_0) > 2.0 * np.pi - 1e-6:
             raise DataError(
                 "state",
@@ -107,14 +99,19 @@ class State:
                 field="dphi_0",
                 value=self.dphi_0,
             )
-        if np.shape(self.R_WB0_ref) != (3, 3) or not np.all(np.isfinite(self.R_WB0_ref)):
-            raise DataError("state", "must be a 3 x 3 matrix", field="R_WB0_ref", value=self.R_WB0_ref)
-        _require_rotations("R_WB0_ref", self.R_WB0_ref[None])
+        require_rotations("state", self.R_WB0_ref[None], field="R_WB0_ref")
         if np.abs(so3.exp(self.dphi_0) @ self.R_WB0_ref - self.R_WB[0]).max() > 1e-6:
             raise DataError(
                 "state", "Exp(dphi_0) R_WB0_ref must be the first rotation", field="dphi_0", value=self.dphi_0
             )
         return self
+
+    def require_size(self, other: State) -> None:
+        """DataError where another state has not as many keyframes and landmarks as this one."""
+        mine, others = (self.n_keyframes, self.n_landmarks), (other.n_keyframes, other.n_landmarks)
+        if mine != others:
+            rule = f"must have {mine[0]} keyframes and {mine[1]} landmarks"
+            raise DataError("state", rule, value=others)
 
     @property
     def n_keyframes(self) -> int:
@@ -130,12 +127,16 @@ class State:
         return 9 * self.n_keyframes + 3 * self.n_landmarks
 
     def retract(self, delta: Array) -> State:
-        """The state moved by an increment (9N + 3K,) in the order of this module, Eqs. (8)-(9)."""
+        """The state moved by an increment (9N + 3K,) in the order of this module, Eqs. (8)-(9).
+
+        Raises DataError for another length or numbers that are not finite.
+        """
         n = self.n_keyframes
-        step = np.ascontiguousarray(delta[: 9 * n], dtype=float).reshape(3, n, 3)
+        delta = reals("increment", delta, (self.n_parameters,))
+        step = delta[: 9 * n].reshape(3, n, 3)
         dphi_0 = self.dphi_0 + step[1, 0]
         R_WB = np.empty_like(self.R_WB)
-        retract_rotations(self.R_WB, step[1], dphi_0, self.R_WB0_ref, R_WB)
+        rotation.retract_rotations(self.R_WB, step[1], dphi_0, self.R_WB0_ref, R_WB)
         return State(
             p_W=self.p_W + step[0],
             R_WB=R_WB,
@@ -146,21 +147,31 @@ class State:
         )
 
     def local(self, other: State) -> Array:
-        """The increment d (9N + 3K,) with ``self.retract(d) == other`` (shared R_WB0_ref)."""
-        rotation = so3.log(other.R_WB @ self.R_WB.swapaxes(1, 2))
-        rotation[0] = other.dphi_0 - self.dphi_0
+        """The increment d (9N + 3K,) after which ``self.retract(d)`` has the poses of ``other``.
+
+        Raises DataError where the two differ in size or one is no valid state.
+        """
+        self.require_valid().require_size(other.require_valid())
+        turn = so3.log(other.R_WB @ self.R_WB.swapaxes(1, 2))
+        if np.array_equal(self.R_WB0_ref, other.R_WB0_ref):
+            turn[0] = other.dphi_0 - self.dphi_0
+        else:
+            turn[0] = so3.log(other.R_WB[0] @ self.R_WB0_ref.T) - self.dphi_0
         return np.concatenate(
             [
                 (other.p_W - self.p_W).ravel(),
-                rotation.ravel(),
+                turn.ravel(),
                 (other.v_W - self.v_W).ravel(),
                 (other.X_W - self.X_W).ravel(),
             ]
         )
 
     def transformed(self, yaw: float, t_W: Array) -> State:
-        """g(theta) of Eqs. (4)-(5): turned by ``yaw`` (rad) about gravity, then shifted by t_W (m)."""
-        R_z = so3.yaw_rotation(yaw)
+        """g(theta) of Eqs. (4)-(5): turned by ``yaw`` (rad) about gravity, then shifted by t_W (m).
+
+        Raises DataError for a shift of another shape or numbers that are not finite.
+        """
+        R_z, t_W = so3.yaw_rotation(number("yaw", yaw)), reals("t_W", t_W, (3,))
         dphi_0 = so3.log(R_z @ so3.exp(self.dphi_0))
         R_WB = R_z @ self.R_WB
         return replace(

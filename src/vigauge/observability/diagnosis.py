@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
+from ..arrays import indices, reals, symmetric
 from ..errors import DataError
 from ..gauge.group import orbit_tangent
 from ..geometry import so3
@@ -162,16 +163,13 @@ def diagnose_hessian(H: Array, U: Array, blocks: Mapping[str, Index] | None = No
 
     Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric.
     """
+    H = symmetric("H", H)
     n = len(H)
-    if H.shape != (n, n) or U.ndim != 2 or len(U) != n:
-        raise DataError("H", "must be square, with as many rows as U", value=(H.shape, U.shape))
-    if not (np.all(np.isfinite(H)) and np.all(np.isfinite(U))):
-        raise DataError("H", "entries of H and U must be finite")
-    if np.max(np.abs(H - H.T)) > 1e-8 * np.max(np.abs(H)):
-        raise DataError("H", "must be symmetric", value=float(np.max(np.abs(H - H.T))))
+    U = reals("U", U, (n, "d"), matrix=True)
     null = NullSpace(H, np.diagonal(H))
     expected = null.take(U).shape[1]
-    parts = dict(blocks) if blocks else {"parameters": np.arange(n, dtype=np.int64)}
+    named = {name: indices("blocks", rows, n, field=name) for name, rows in (blocks or {}).items()}
+    parts = named or {"parameters": np.arange(n, dtype=np.int64)}
     extra = []
     for name, rows in parts.items():
         found = null.take(np.eye(n)[:, rows]) if blocks else null.explained[:, :0]
@@ -197,7 +195,7 @@ def diagnose(problem: Problem, state: State) -> Diagnosis:
 
     Raises DataError where a residual's derivative is not finite at the state.
     """
-    return diagnose_equations(linearise(problem, state), problem, state)
+    return diagnose_equations(linearise(problem, problem.require_fits(state)), problem, state)
 
 
 def diagnose_equations(equations: NormalEquations, problem: Problem, state: State) -> Diagnosis:

@@ -16,7 +16,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from ..errors import SolverError
+from ..arrays import integer, number
+from ..errors import DataError, SolverError
 from ..gauge.gauges import Gauge
 from ..geometry.so3 import Array
 from ..kernels.damping import clamped, predicted_decrease, squares
@@ -46,7 +47,10 @@ CONVERGED = frozenset({Status.FUNCTION_TOLERANCE, Status.GRADIENT_TOLERANCE, Sta
 
 @dataclass(frozen=True)
 class Options:
-    """Tolerances and limits; the defaults are those of Ceres. ``threads`` changes the time only."""
+    """Tolerances and limits; the defaults are those of Ceres. ``threads`` changes the time only.
+
+    Raises DataError for a negative number, one that is not finite, or a count that is no integer.
+    """
 
     initial_radius: float = 1e4
     maximum_radius: float = 1e16
@@ -60,6 +64,14 @@ class Options:
     maximum_iterations: int = 50
     maximum_invalid_steps: int = 5
     threads: int = 1
+
+    def __post_init__(self) -> None:
+        for name, default in type(self).__dataclass_fields__.items():
+            value = (integer if isinstance(default.default, int) else number)(
+                "options", getattr(self, name), field=name
+            )
+            if value < (1 if name == "threads" else 0):
+                raise DataError("options", "must not be negative", field=name, value=value)
 
 
 @dataclass(frozen=True)
@@ -232,7 +244,7 @@ class _Run:
             if status is not None:
                 return self._end(status)
             step, decrease = self._step()
-            if step is None or not decrease > 0.0:
+            if step is None or not 0.0 < decrease < math.inf:
                 invalid += 1
                 if invalid >= self.options.maximum_invalid_steps:
                     return self._end(Status.INVALID_STEPS)

@@ -20,13 +20,15 @@ from ..model.state import State
 
 def camera_rotations(problem: Problem, state: State) -> Array:
     """R_CW (C, N, 3, 3) of every camera at every keyframe."""
+    problem.initial.require_size(state)
     R_CW = np.empty((len(problem.cameras), state.n_keyframes, 3, 3))
     visual_kernels.camera_rotations(state.R_WB, problem.camera_arrays["R_BC"], R_CW)
     return R_CW
 
 
 def inertial_inputs(problem: Problem, state: State) -> tuple[Increments, Motion]:
-    """What the inertial kernels read."""
+    """What the inertial kernels read. DataError for a state of another size."""
+    problem.initial.require_size(state)
     return problem.increments, Motion(state.p_W, state.R_WB, state.v_W)
 
 
