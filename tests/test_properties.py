@@ -1,4 +1,4 @@
-"""Small random problems, well and badly used: a number is that of a dense oracle, or a VigaugeError is raised.
+"""Small random problems, well and badly used: a number is that of a dense oracle, or an error in words.
 
 What is damaged is drawn for every public function in turn; none of them may give NaN, a number for
 input that has none, or an error of NumPy, LAPACK or compiled code.
