@@ -72,7 +72,9 @@ def preintegrate_between(
     """
     factors = []
     for start, end in zip(stamps_ns[:-1].tolist(), stamps_ns[1:].tolist(), strict=True):
-        factors.append(preintegrate(imu.corrected(*biases.between(start, end)), start, end, noise))
+        corrected = imu.corrected(*biases.between(start, end))
+        # The front-end's own setting says which gaps it allows, see check_gaps.
+        factors.append(preintegrate(corrected, start, end, noise, largest_gap_s=1e9))
     return factors
 
 
