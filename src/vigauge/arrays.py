@@ -76,12 +76,17 @@ def indices(what: str, value: object, count: int, *, field: str | None = None) -
     return index
 
 
-def number(what: str, value: object, *, field: str | None = None, above: float = -math.inf) -> float:
-    """``value`` as a finite float larger than ``above``; DataError otherwise, and for a bool or a string."""
+def number(
+    what: str, value: object, *, field: str | None = None, above: float = -math.inf, least: float = -math.inf
+) -> float:
+    """``value`` as a finite float above ``above`` and not below ``least``; DataError otherwise, and for a bool
+    or a string."""
     try:
         out = float(reals(what, value, (), field=field))
     except DataError as error:
         raise DataError(what, "must be a finite number", field=field, value=value) from error
+    if out < least:
+        raise DataError(what, f"must be at least {least:g}", field=field, value=out)
     if not out > above:
         rule = "must be positive" if above == 0.0 else f"must be above {above:g}"
         raise DataError(what, rule, field=field, value=out)

@@ -93,7 +93,7 @@ class FirstPosePrior:
     keyframes: tuple[int, ...] = field(default=(0,), init=False)
 
     def __post_init__(self) -> None:
-        number("prior", self.weight, field="weight", above=0.0)
+        number("prior", self.weight, field="weight", least=0.0)
 
     @cached_property
     def _jacobian(self) -> Array:
@@ -109,14 +109,14 @@ class FirstPosePrior:
 class PriorGauge:
     """Gauge prior, Eq. (11), with Sigma_0^P = I / weight (Section V-A).
 
-    Raises DataError for a weight that is not positive and finite.
+    Raises DataError for a weight that is negative or not finite. Weight 0 is the free gauge to a solver.
     """
 
     weight: float
     name: str = field(default="prior", kw_only=True)
 
     def __post_init__(self) -> None:
-        number("gauge 'prior'", self.weight, field="weight", above=0.0)
+        number("gauge 'prior'", self.weight, field="weight", least=0.0)
 
     @cached_property
     def factor(self) -> FirstPosePrior:
