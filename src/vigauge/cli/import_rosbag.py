@@ -8,24 +8,24 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import numpy as np
-
 from vigauge.cli.command import LOG, parser, run
 from vigauge.recordings.asl.rosbag import Topics, import_rosbag
 
 
 def work(options: argparse.Namespace) -> None:
     topics = Topics(options.left, options.right, options.imu, options.truth)
-    counts = import_rosbag(
+    done = import_rosbag(
         options.bag,
         topics,
         options.camchain,
         options.imu_yaml,
         options.output,
-        np.array(options.gyro_bias),
-        np.array(options.accel_bias),
+        options.gyro_bias,
+        options.accel_bias,
     )
-    LOG.info("%s: %s", options.output, ", ".join(f"{n} of {topic}" for topic, n in counts.items()))
+    for note in done.notes:
+        LOG.warning("warning: %s", note)
+    LOG.info("%s: %s", options.output, ", ".join(f"{n} of {topic}" for topic, n in done.counts.items()))
 
 
 def main() -> None:
@@ -42,9 +42,8 @@ def main() -> None:
             f"--{name}-bias",
             type=float,
             nargs=3,
-            default=(0.0, 0.0, 0.0),
             metavar=("X", "Y", "Z"),
-            help=f"known bias, {unit}; written beside the truth",
+            help=f"known bias, {unit}; written beside the truth, which needs it",
         )
     arguments.add_argument("--output", type=Path, required=True, help="folder that gets mav0/")
     run(work, arguments)

@@ -10,7 +10,8 @@ import pytest
 from support.asl import CAMERA_YAML, IMU_YAML
 from vigauge.errors import DataError
 from vigauge.geometry.camera import Camera
-from vigauge.recordings.asl.calibration import read_camera, read_imu_noise
+from vigauge.model.imu import ImuNoise
+from vigauge.recordings.asl.calibration import read_camera, read_imu_noise, unusual_densities
 
 CAMERA = CAMERA_YAML.format(x=0.11)
 
@@ -115,3 +116,32 @@ def test_bad_imu_entry_is_named(tmp_path, old, new, field):
     """Catches a sensor off the body frame, and noise that would divide by zero."""
     assert old in IMU_YAML
     assert refused(tmp_path, IMU_YAML.replace(old, new), read_imu_noise).field == field
+
+
+@pytest.mark.parametrize(
+    ("text", "read", "field"),
+    [
+        (CAMERA + "timeshift_cam_imu: 0.01\n", read_camera, "timeshift_cam_imu"),
+        (IMU_YAML + "time_offset: 0.01\n", read_imu_noise, "time_offset"),
+        (CAMERA.replace("cols: 4", "cols: 3"), read_camera, "T_BS.cols"),
+        (CAMERA.replace("sensor_type: camera", "sensor_type: imu"), read_camera, "sensor_type"),
+    ],
+)
+def test_key_without_effect_is_refused(tmp_path, text, read, field):
+    """Catches keys that are dropped, and the file of another sensor."""
+    assert refused(tmp_path, text, read).field == field
+
+
+@pytest.mark.parametrize(
+    ("densities", "words"),
+    [
+        ((1.7e-4, 2e-3), []),
+        ((1.7e-4 * 57.3, 2e-3), ["gyroscope"]),
+        ((1.7e-4 / 57.3, 2e-3), ["gyroscope"]),
+        ((1.7e-4, 2e-3 * 50.0), ["accelerometer"]),
+    ],
+)
+def test_density_that_no_sensor_has_is_told(densities, words):
+    """Catches degrees for radians."""
+    told = unusual_densities(ImuNoise(*densities))
+    assert [sentence.split("_")[0] for sentence in told] == words

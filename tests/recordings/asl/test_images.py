@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
@@ -77,3 +78,22 @@ def test_image_of_another_kind_is_refused(tmp_path, image, found):
     path = tmp_path / "a.png"
     path.write_bytes(encoded(".png", image))
     assert refused(path).value == found
+
+
+@pytest.mark.parametrize("kept", [0.3, 0.5, 0.8])
+def test_damaged_jpeg_with_a_proper_end_is_refused(tmp_path, kept, capfd):
+    """Catches grey in place of lost rows; the decoder says so on the terminal only."""
+    data = encoded(".jpg", grey_image())
+    path = tmp_path / "a.jpg"
+    path.write_bytes(data[: int(kept * len(data))] + b"\xff\xd9")
+    assert "Corrupt JPEG" in str(refused(path).value)
+    assert "JPEG" not in capfd.readouterr().err
+
+
+def test_terminal_is_as_before_after_an_image(tmp_path, capfd):
+    """Catches a stderr that stays redirected."""
+    path = tmp_path / "a.jpg"
+    path.write_bytes(encoded(".jpg", grey_image()))
+    read_image(path, CAMERA)
+    os.write(2, b"heard")
+    assert capfd.readouterr().err == "heard"

@@ -177,6 +177,18 @@ def test_inertial_units_are_told(folder: Path, columns: slice, factor: float, wo
     assert any(words in message for message in found), found
 
 
+@pytest.mark.parametrize("factor", [57.3, 1 / 57.3, 400.0])
+def test_density_that_the_samples_do_not_have_is_warned_of(folder: Path, factor: float) -> None:
+    """Degrees for radians, either way; a density per sample."""
+    path = folder / "mav0" / "imu0" / "sensor.yaml"
+    content = yaml.safe_load(path.read_text())
+    content["gyroscope_noise_density"] *= factor
+    path.write_text(yaml.safe_dump(content))
+    findings = check(folder)
+    assert findings.exit_status == 1
+    assert any("quietest samples scatter" in f.message for f in findings.of("warning") if f.check == "noise")
+
+
 def test_exchanged_columns_without_header_are_told(folder: Path) -> None:
     """Gyroscope and accelerometer exchanged where no header names them."""
     edit_rows(folder, "imu0", lambda row: [row[0], *row[4:7], *row[1:4]])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,18 @@ _ROTATION_TOLERANCE = 1e-4
 _IDENTITY_TOLERANCE = 1e-9
 # No camera has more; a file that says so would make a lying image header pass.
 _LARGEST_SIDE_PX = 16_384
+_SENSOR_KEYS = frozenset({"sensor_type", "comment", "T_BS", "rate_hz"})
+_CAMERA_KEYS = _SENSOR_KEYS | {
+    "resolution",
+    "camera_model",
+    "intrinsics",
+    "distortion_model",
+    "distortion_coefficients",
+}
+_DENSITIES = ("gyroscope_noise_density", "accelerometer_noise_density")
+_IMU_KEYS = _SENSOR_KEYS | {*_DENSITIES, "gyroscope_random_walk", "accelerometer_random_walk"}
+# From tactical grade to what Kalibr's users inflate a cheap sensor to; in degrees the usual ones lie above.
+_USUAL_GYRO, _USUAL_ACCEL = (1e-5, 5e-3), (1e-4, 5e-2)
 
 
 def read_sensor_yaml(path: Path) -> Mapping[str, Any]:
@@ -47,6 +59,7 @@ def read_camera(path: Path) -> Camera:
         raise DataError(path, rule, field="resolution", value=(width, height))
     k1, k2, p1, p2 = _numbers(path, content, "distortion_coefficients", 4)
     R_BC, p_BC = _rigid_transform(path, content)
+    _refuse_unknown(path, content, _CAMERA_KEYS, "camera")
     return Camera(fx, fy, cx, cy, int(width), int(height), (k1, k2, p1, p2), R_BC, p_BC)
 
 
@@ -64,12 +77,36 @@ def read_imu_noise(path: Path) -> ImuNoise:
         rule = "must be the identity: body and inertial frame are the same here"
         raise DataError(path, rule, field="T_BS", value=np.column_stack([R_BS, p_BS]).tolist())
     densities = []
-    for key in ("gyroscope_noise_density", "accelerometer_noise_density"):
+    for key in _DENSITIES:
         density = _number(path, key, content.get(key))
         if density <= 0.0:
             raise DataError(path, "must be positive", field=key, value=density)
         densities.append(density)
+    _refuse_unknown(path, content, _IMU_KEYS, "imu")
     return ImuNoise(gyro_density=densities[0], accel_density=densities[1])
+
+
+def unusual_densities(noise: ImuNoise) -> list[str]:
+    """A sentence on each noise density that no usual sensor has in rad/s/sqrt(Hz) or m/s^2/sqrt(Hz)."""
+    rules = (
+        ("gyroscope_noise_density", noise.gyro_density, _USUAL_GYRO, "rad/s/sqrt(Hz)", "degrees"),
+        ("accelerometer_noise_density", noise.accel_density, _USUAL_ACCEL, "m/s^2/sqrt(Hz)", "g"),
+    )
+    return [
+        f"{key} is {value:.3g}; {low:g} to {high:g} {unit} are usual: must not be in {other} or per sample"
+        for key, value, (low, high), unit, other in rules
+        if not low <= value <= high
+    ]
+
+
+def _refuse_unknown(path: Path, content: Mapping[str, Any], known: Set[str], kind: str) -> None:
+    """DataError for another kind of sensor, and for a key that nothing here reads."""
+    if content.get("sensor_type", kind) != kind:
+        raise DataError(path, f"must be {kind}", field="sensor_type", value=content["sensor_type"])
+    for key in content:
+        if key not in known:
+            rule = "is not a key that is used here: remove it, or correct its name"
+            raise DataError(path, rule, field=str(key), value=content[key])
 
 
 def _number(path: Path, key: str, value: object) -> float:
@@ -95,6 +132,9 @@ def _rigid_transform(path: Path, content: Mapping[str, Any]) -> tuple[Array, Arr
     entry = content.get("T_BS")
     if not isinstance(entry, dict):
         raise DataError(path, "must be a mapping with rows, cols and data", field="T_BS", value=entry)
+    for key in entry:
+        if key not in ("rows", "cols", "data") or (key != "data" and entry[key] != 4):
+            raise DataError(path, "must have 4 rows, 4 cols and data", field=f"T_BS.{key}", value=entry[key])
     T_BS = np.array(_numbers(path, entry, "data", 16)).reshape(4, 4)
     R_BS = T_BS[:3, :3]
     rigid = (

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,52 +15,170 @@ from ...geometry.so3 import Array
 from .calibration import read_sensor_yaml
 
 _LARGEST_SHIFT_S = 10.0
+# Kalibr estimates a shift per camera; those of cameras that are triggered together differ by its noise.
+_SHIFT_NOISE_S = 1e-4
+# Kalibr prints every digit of its matrices.
+_SAME_POSE = 1e-6
+_CAMERA_KEYS = {
+    "camera_model",
+    "intrinsics",
+    "distortion_model",
+    "distortion_coeffs",
+    "resolution",
+    "T_cam_imu",
+    "T_cn_cnm1",
+    "timeshift_cam_imu",
+    "cam_overlaps",
+    "rostopic",
+}
+_DENSITIES = (
+    "gyroscope_noise_density",
+    "gyroscope_random_walk",
+    "accelerometer_noise_density",
+    "accelerometer_random_walk",
+)
+_IMU_KEYS = {*_DENSITIES, "rostopic", "update_rate", "T_i_b", "time_offset", "model"}
+_INTRINSICS = ("accelerometers", "gyroscopes")
 
 
-def camera_descriptions(camchain: Path) -> tuple[list[dict[str, Any]], int]:
-    """The ``sensor.yaml`` of cam0 and cam1, and what to add to camera stamps, ns, from a camchain.
+@dataclass(frozen=True)
+class CameraChain:
+    """What a camchain says of cam0 and cam1.
+
+    Attributes
+    ----------
+    descriptions : the ``sensor.yaml`` of each
+    shifts_ns : what to add to the stamps of each
+    topics : ``rostopic`` of each, or None
+    notes : sentences on what is not used as it stands
+    """
+
+    descriptions: tuple[dict[str, Any], dict[str, Any]]
+    shifts_ns: tuple[int, int]
+    topics: tuple[object, object]
+    notes: tuple[str, ...]
+
+
+def camera_chain(camchain: Path) -> CameraChain:
+    """cam0 and cam1 of a camchain.
 
     Kalibr's ``T_cam_imu`` takes inertial to camera coordinates; ASL's ``T_BS`` is its inverse.
     Where cam1 has none it follows from cam0's by ``T_cn_cnm1``. ``timeshift_cam_imu`` is
-    t_imu = t_cam + shift, s; one shift serves both cameras, which are triggered together.
+    t_imu = t_cam + shift, s. Each camera is moved by its own; where they differ by less than
+    Kalibr's noise both are moved by cam0's, so that pairs keep equal stamps.
 
     Raises DataError for a camera that is missing, not pinhole with radtan distortion, or
-    without extrinsics.
+    without extrinsics; for keys that are unknown or contradict each other.
     """
     content = read_sensor_yaml(camchain)
+    others = sorted(str(name) for name in content if not re.fullmatch(r"cam\d+", str(name)))
+    if others:
+        raise DataError(camchain, "must hold cam0, cam1 and nothing else: remove the key", field=others[0])
     chain = [_entry(camchain, content, name) for name in ("cam0", "cam1")]
+    for name, camera in zip(("cam0", "cam1"), chain, strict=True):
+        _refuse_unknown(camchain, camera, _CAMERA_KEYS, f"{name}.")
     T_C0B = _matrix(camchain, "cam0", chain[0], "T_cam_imu")
-    if "T_cam_imu" in chain[1]:
-        T_C1B = _matrix(camchain, "cam1", chain[1], "T_cam_imu")
-    else:
-        T_C1B = _matrix(camchain, "cam1", chain[1], "T_cn_cnm1") @ T_C0B
-    descriptions = [
-        _description(camchain, name, camera, T_CB)
-        for name, camera, T_CB in zip(("cam0", "cam1"), chain, (T_C0B, T_C1B), strict=True)
-    ]
-    shift = chain[0].get("timeshift_cam_imu", 0.0)
-    if isinstance(shift, bool) or not isinstance(shift, (int, float)) or not abs(shift) < _LARGEST_SHIFT_S:
-        rule = f"must be seconds, less than {_LARGEST_SHIFT_S:g}"
-        raise DataError(camchain, rule, field="cam0.timeshift_cam_imu", value=shift)
-    return descriptions, round(shift * 1e9)
+    notes = [f"{camchain}, {name}: is not used" for name in content if name not in ("cam0", "cam1")]
+    shifts = _shifts_s(camchain, chain)
+    apart = abs(shifts[1] - shifts[0])
+    if 0.0 < apart <= _SHIFT_NOISE_S:
+        notes.append(
+            f"{camchain}: the time shifts of cam0 and cam1 differ by {1e6 * apart:.3g} us, which is noise; "
+            "cam0's is used for both"
+        )
+        shifts = (shifts[0], shifts[0])
+    descriptions = (
+        _description(camchain, "cam0", chain[0], T_C0B),
+        _description(camchain, "cam1", chain[1], _pose_of_cam1(camchain, chain[1], T_C0B)),
+    )
+    return CameraChain(
+        descriptions,
+        (round(shifts[0] * 1e9), round(shifts[1] * 1e9)),
+        (chain[0].get("rostopic"), chain[1].get("rostopic")),
+        tuple(notes),
+    )
 
 
-def imu_description(path: Path) -> dict[str, Any]:
-    """The ``sensor.yaml`` of the inertial sensor from Kalibr's ``imu.yaml``; its frame is the body's."""
+def _pose_of_cam1(path: Path, camera: Mapping[str, Any], T_C0B: Array) -> Array:
+    """(4, 4) inertial to cam1; DataError where it is given twice and differently."""
+    if "T_cn_cnm1" not in camera:
+        return _matrix(path, "cam1", camera, "T_cam_imu")
+    chained = _matrix(path, "cam1", camera, "T_cn_cnm1") @ T_C0B
+    if "T_cam_imu" in camera:
+        T_C1B = _matrix(path, "cam1", camera, "T_cam_imu")
+        if np.abs(T_C1B - chained).max() > _SAME_POSE:
+            rule = "must be T_cn_cnm1 times cam0's T_cam_imu: remove the one of the two that is wrong"
+            raise DataError(path, rule, field="cam1.T_cam_imu", value=T_C1B.tolist())
+        return T_C1B
+    return chained
+
+
+def _shifts_s(path: Path, chain: list[dict[str, Any]]) -> tuple[float, float]:
+    key = "timeshift_cam_imu"
+    if (key in chain[0]) != (key in chain[1]):
+        missing = 0 if key in chain[1] else 1
+        raise DataError(path, "must be given for both cameras or for none", field=f"cam{missing}.{key}")
+    shifts = []
+    for k, camera in enumerate(chain):
+        shift = camera.get(key, 0.0)
+        if (
+            isinstance(shift, bool)
+            or not isinstance(shift, (int, float))
+            or not abs(shift) < _LARGEST_SHIFT_S
+        ):
+            rule = f"must be seconds, less than {_LARGEST_SHIFT_S:g}"
+            raise DataError(path, rule, field=f"cam{k}.{key}", value=shift)
+        shifts.append(float(shift))
+    return shifts[0], shifts[1]
+
+
+def imu_description(path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The ``sensor.yaml`` of the inertial sensor from Kalibr's ``imu.yaml``, and notes on what is not used.
+
+    Its frame and its clock are the body's.
+
+    Raises DataError for densities that are missing, for keys that are unknown, and for a pose,
+    a time offset or an intrinsic calibration of the sensor: samples are written as recorded.
+    """
     content = read_sensor_yaml(path)
-    content = content.get("imu0", content)
+    notes: list[str] = []
+    if "imu0" in content:
+        others = [str(name) for name in content if re.fullmatch(r"imu[1-9]\d*", str(name))]
+        _refuse_unknown(path, content, {"imu0", *others}, "")
+        notes = [f"{path}, {name}: is not used" for name in others]
+        content = content["imu0"]
     if not isinstance(content, dict):
         raise DataError(path, "must be a mapping", field="imu0", value=content)
-    keys = (
-        "gyroscope_noise_density",
-        "gyroscope_random_walk",
-        "accelerometer_noise_density",
-        "accelerometer_random_walk",
-    )
-    for key in keys:
+    for key in _INTRINSICS:
+        if key in content:
+            rule = (
+                "must be absent: samples are not corrected by an intrinsic calibration; correct them before"
+            )
+            raise DataError(path, rule, field=key, value=content[key])
+    _refuse_unknown(path, content, _IMU_KEYS, "")
+    if content.get("model", "calibrated") != "calibrated":
+        rule = "must be calibrated: samples are not corrected for scale and misalignment; correct them before"
+        raise DataError(path, rule, field="model", value=content["model"])
+    if "T_i_b" in content and np.abs(_matrix(path, "", content, "T_i_b") - np.eye(4)).max() > _SAME_POSE:
+        rule = "must be the identity: body and inertial frame are the same here"
+        raise DataError(path, rule, field="T_i_b", value=content["T_i_b"])
+    if content.get("time_offset", 0.0) != 0.0:
+        rule = "must be 0: stamps of samples are not moved; the cameras' timeshift_cam_imu are"
+        raise DataError(path, rule, field="time_offset", value=content["time_offset"])
+    for key in _DENSITIES:
         if key not in content:
             raise DataError(path, "must be given", field=key)
-    return {"sensor_type": "imu", "T_BS": _transformation(np.eye(4)), **{key: content[key] for key in keys}}
+    rate = {"rate_hz": content["update_rate"]} if "update_rate" in content else {}
+    densities = {key: content[key] for key in _DENSITIES}
+    return {"sensor_type": "imu", "T_BS": _transformation(np.eye(4)), **rate, **densities}, tuple(notes)
+
+
+def _refuse_unknown(path: Path, content: Mapping[str, Any], known: Collection[str], where: str) -> None:
+    """DataError for a key that nothing here reads."""
+    for key in content:
+        if key not in known:
+            rule = "is not a key of Kalibr's that is used here: remove it, or correct its name"
+            raise DataError(path, rule, field=f"{where}{key}", value=content[key])
 
 
 def _entry(path: Path, content: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -70,7 +190,7 @@ def _entry(path: Path, content: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def _matrix(path: Path, camera: str, entry: Mapping[str, Any], key: str) -> Array:
     """(4, 4) rigid transformation; DataError where it is none."""
-    field, value = f"{camera}.{key}", entry.get(key)
+    field, value = f"{camera}.{key}".lstrip("."), entry.get(key)
     try:
         T = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:

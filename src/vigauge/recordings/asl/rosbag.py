@@ -8,9 +8,10 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -19,9 +20,12 @@ from numpy.typing import NDArray
 
 from ...errors import DataError
 from ...geometry.so3 import Array
-from .calibration import read_camera, read_imu_noise
+from .calibration import read_camera, read_imu_noise, unusual_densities
 from .ground_truth import GroundTruth, read_ground_truth
-from .kalibr import camera_descriptions, imu_description
+from .kalibr import CameraChain, camera_chain, imu_description
+from .messages import grey, inertial, messages, pose
+from .nearest import nearest_index
+from .sequence import STEREO_TOLERANCE_NS
 
 IMU_HEADER = (
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
@@ -46,6 +50,19 @@ class Topics:
     imu: str
     truth: str | None = None
 
+    @property
+    def wanted(self) -> list[str]:
+        """All of them; truth last."""
+        return [self.left, self.right, self.imu, *([self.truth] if self.truth is not None else [])]
+
+
+@dataclass(frozen=True)
+class Imported:
+    """How many messages each topic gave, and sentences on what did not go in as it stands."""
+
+    counts: dict[str, int]
+    notes: tuple[str, ...]
+
 
 def import_rosbag(
     bag: Path,
@@ -53,117 +70,155 @@ def import_rosbag(
     camchain: Path,
     imu_yaml: Path,
     folder: Path,
-    gyro_bias: Array,
-    accel_bias: Array,
-) -> dict[str, int]:
-    """Write ``folder/mav0`` from a bag and Kalibr's calibration; how many messages each topic gave.
+    gyro_bias: Array | None = None,
+    accel_bias: Array | None = None,
+) -> Imported:
+    """Write ``folder/mav0`` from a bag and Kalibr's calibration.
 
     Stamps are those of the messages' headers, by the sensors' clock; camera stamps are moved by
     Kalibr's ``timeshift_cam_imu``. Truth gets velocities by central differences and the constant
-    biases (3,) rad/s and (3,) m/s^2, which the front-end takes as known.
+    biases (3,) rad/s and (3,) m/s^2, which the front-end takes as known; without a truth there
+    are none.
 
     Raises
     ------
     DataError
-        for a missing package, bag, topic or message type, an image that is not 8-bit grey or
-        colour, a truth whose poses are too few, and for a folder that is there already.
+        for a missing package, bag, topic or message type, an image that is damaged or not 8-bit
+        grey or colour, a stamp that is zero or given twice, cameras that are not triggered
+        together, a truth without biases or with few poses, calibration that is not used, and for
+        a folder that is there already.
     """
     if (folder / "mav0").exists():
         raise DataError(folder / "mav0", "must not exist: recordings are never overwritten")
-    cameras, shift_ns = camera_descriptions(camchain)
-    noise = imu_description(imu_yaml)
+    biases = _known_biases(bag, topics, gyro_bias, accel_bias)
+    chain = camera_chain(camchain)
+    noise, notes = imu_description(imu_yaml)
+    _check_topics(bag, topics, camchain, chain)
     folder.mkdir(parents=True, exist_ok=True)
     temporary = folder / f".mav0.{os.getpid()}"
     try:
-        for name, description in zip(("cam0", "cam1", "imu0"), (*cameras, noise), strict=True):
+        for name, description in zip(("cam0", "cam1", "imu0"), (*chain.descriptions, noise), strict=True):
             (temporary / name).mkdir(parents=True)
             text = yaml.safe_dump(description, sort_keys=False)
             (temporary / name / "sensor.yaml").write_text(text, encoding="utf-8")
-        read_camera(temporary / "cam0" / "sensor.yaml")
-        read_camera(temporary / "cam1" / "sensor.yaml")
-        read_imu_noise(temporary / "imu0" / "sensor.yaml")
-        counts = _write_messages(bag, topics, temporary, shift_ns)
-        if topics.truth is not None:
-            _add_states(temporary / TRUTH_FOLDER, gyro_bias, accel_bias)
+        for name in ("cam0", "cam1"):
+            with _naming(camchain, name):
+                read_camera(temporary / name / "sensor.yaml")
+        with _naming(imu_yaml):
+            densities = read_imu_noise(temporary / "imu0" / "sensor.yaml")
+        notes = (*chain.notes, *notes, *(f"{imu_yaml}, {words}" for words in unusual_densities(densities)))
+        done = _write_messages(bag, topics, temporary, chain)
+        if topics.truth is not None and biases is not None:
+            with _naming(bag, topics.truth):
+                _add_states(temporary / TRUTH_FOLDER, biases)
         temporary.rename(folder / "mav0")
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-    return counts
+    return Imported(done.counts, (*notes, *done.notes))
 
 
-def _write_messages(bag: Path, topics: Topics, mav: Path, shift_ns: int) -> dict[str, int]:
+@contextmanager
+def _naming(file: Path, where: str = "") -> Iterator[None]:
+    """Errors about a file that is written on the way name what the user gave instead."""
+    try:
+        yield
+    except DataError as error:
+        field = ", ".join(part for part in (where, error.field) if part)
+        raise DataError(file, error.rule, field=field or None, value=error.value) from error
+
+
+def _known_biases(
+    bag: Path, topics: Topics, gyro_bias: Array | None, accel_bias: Array | None
+) -> Array | None:
+    """(6,) biases beside a truth, or None without one; DataError where it would be guessed or dropped."""
+    if topics.truth is None:
+        if gyro_bias is not None or accel_bias is not None:
+            raise DataError(bag, "biases are written beside a truth: give its topic too, or no biases")
+        return None
+    if gyro_bias is None or accel_bias is None:
+        rule = (
+            "a truth needs the sensor's biases, which are taken as known: give both --gyro-bias and "
+            "--accel-bias (three zeros each, if it has none)"
+        )
+        raise DataError(bag, rule, field=topics.truth)
+    biases = np.concatenate([np.asarray(gyro_bias, dtype=float), np.asarray(accel_bias, dtype=float)])
+    if biases.shape != (6,) or not np.all(np.isfinite(biases)):
+        raise DataError(bag, "biases must be three finite numbers each", value=biases.tolist())
+    return biases
+
+
+def _check_topics(bag: Path, topics: Topics, camchain: Path, chain: CameraChain) -> None:
+    """No topic twice, and no camera with the calibration of the other."""
+    for topic in topics.wanted:
+        if topics.wanted.count(topic) > 1:
+            raise DataError(bag, "topics must differ: each sensor has its own", value=topic)
+    for k, (given, other) in enumerate(((topics.left, topics.right), (topics.right, topics.left))):
+        if chain.topics[k] == other:
+            rule = f"must not be the other camera's topic: this is calibrated for it, and {given} was given"
+            raise DataError(camchain, rule, field=f"cam{k}.rostopic", value=other)
+
+
+def _write_messages(bag: Path, topics: Topics, mav: Path, chain: CameraChain) -> Imported:
     """Images as they come, one after the other; the few numbers of the other sensors at the end."""
-    camera_of = {topics.left: "cam0", topics.right: "cam1"}
-    wanted = [topics.left, topics.right, topics.imu, *([topics.truth] if topics.truth else [])]
-    counts = dict.fromkeys(wanted, 0)
-    stamps: dict[str, list[int]] = {name: [] for name in camera_of.values()}
-    inertial: list[tuple[int, list[float]]] = []
-    poses: list[tuple[int, list[float]]] = []
-    for topic, message in _messages(bag, wanted):
-        counts[topic] += 1
+    camera_of = {topics.left: 0, topics.right: 1}
+    stamps: dict[str, list[int]] = {topic: [] for topic in topics.wanted}
+    images: dict[str, set[int]] = {topic: set() for topic in camera_of}
+    rows: dict[str, list[tuple[int, list[float]]]] = {topic: [] for topic in topics.wanted[2:]}
+    for topic, message in messages(bag, topics.wanted):
         t_ns = message.header.stamp.sec * _NS + message.header.stamp.nanosec
+        stamps[topic].append(t_ns)
         if topic in camera_of:
-            name, t_ns = camera_of[topic], t_ns + shift_ns
-            _write_image(mav / name / "data" / f"{t_ns}.png", _grey(topic, message))
-            stamps[name].append(t_ns)
-        elif topic == topics.imu:
-            w, a = message.angular_velocity, message.linear_acceleration
-            inertial.append((t_ns, [w.x, w.y, w.z, a.x, a.y, a.z]))
-        else:
-            poses.append((t_ns, _pose(topic, message)))
-    for name, times in stamps.items():
-        lines = ["#timestamp [ns],filename", *(f"{t},{t}.png" for t in sorted(times))]
+            t_ns += chain.shifts_ns[camera_of[topic]]
+        if t_ns <= 0 or stamps[topic][-1] == 0:
+            rule = f"headers must have the sensor's stamps, not zero (message {len(stamps[topic])})"
+            raise DataError(bag, rule, field=topic, value=t_ns)
+        if topic not in camera_of:
+            numbers = inertial if topic == topics.imu else pose
+            rows[topic].append((t_ns, numbers(bag, topic, message)))
+            continue
+        if t_ns in images[topic]:
+            raise DataError(bag, "two images must not have one stamp", field=topic, value=t_ns)
+        images[topic].add(t_ns)
+        width, height = chain.descriptions[camera_of[topic]]["resolution"]
+        image = grey(bag, topic, message)
+        if image.shape != (height, width):
+            rule = f"images must have the size in the camchain, {width} x {height}"
+            raise DataError(bag, rule, field=topic, value=f"{image.shape[1]} x {image.shape[0]}")
+        _write_image(mav / f"cam{camera_of[topic]}" / "data" / f"{t_ns}.png", image)
+    left, right = (np.array(sorted(images[topic]), dtype=np.int64) for topic in camera_of)
+    _check_pairs(bag, topics, chain, left, right)
+    for name, times in (("cam0", left), ("cam1", right)):
+        lines = ["#timestamp [ns],filename", *(f"{t},{t}.png" for t in times)]
         (mav / name / "data.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    _write_table(mav / "imu0" / "data.csv", IMU_HEADER, inertial)
+    _write_table(mav / "imu0" / "data.csv", IMU_HEADER, rows[topics.imu])
     if topics.truth:
-        _write_table(mav / TRUTH_FOLDER / "data.csv", TRUTH_HEADER, poses)
-    return counts
+        _write_table(mav / TRUTH_FOLDER / "data.csv", TRUTH_HEADER, rows[topics.truth])
+    late = {
+        topic: sum(t < latest for t, latest in zip(times, accumulate(times, max), strict=True))
+        for topic, times in stamps.items()
+    }
+    notes = [
+        f"{topic}: {n} message(s) came after a later one and are sorted" for topic, n in late.items() if n
+    ]
+    return Imported({topic: len(times) for topic, times in stamps.items()}, tuple(notes))
 
 
-def _messages(bag: Path, wanted: list[str]) -> Iterator[tuple[str, Any]]:
-    """(topic, message) of the wanted topics in the order of the bag."""
-    try:
-        from rosbags import rosbag1, rosbag2
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.serde import SerdeError
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise DataError(bag, "needs the package rosbags: pip install rosbags") from error
-    if not bag.exists():
-        raise DataError(bag, "bag must exist")
-    try:
-        # ROS 2 bags may lack the definitions of their messages; the common ones are the same in all of them.
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            for topic in wanted:
-                if topic not in reader.topics:
-                    known = ", ".join(sorted(reader.topics))
-                    raise DataError(bag, f"must have the topic (it has: {known})", value=topic)
-            chosen = [connection for connection in reader.connections if connection.topic in wanted]
-            for connection, _, raw in reader.messages(connections=chosen):
-                yield connection.topic, reader.deserialize(raw, connection.msgtype)
-    except (AnyReaderError, rosbag1.ReaderError, rosbag2.ReaderError, SerdeError) as error:
-        raise DataError(bag, f"must be a readable bag: {error}") from error
-
-
-def _grey(topic: str, message: Any) -> NDArray[np.uint8]:
-    """(height, width) 8-bit grey image of an Image or a CompressedImage."""
-    if hasattr(message, "format"):
-        image = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE)
-        if image is None:
-            raise DataError(topic, "must hold images that OpenCV can decode", value=message.format)
-        return image
-    encoding = message.encoding.lower()
-    channels = {"mono8": 1, "8uc1": 1, "bgr8": 3, "8uc3": 3, "rgb8": 3}.get(encoding)
-    if channels is None:
-        raise DataError(topic, "must be mono8, bgr8 or rgb8", field="encoding", value=message.encoding)
-    data = np.frombuffer(message.data, np.uint8)
-    if len(data) != message.height * message.step or message.step < message.width * channels:
-        raise DataError(topic, "must have height * step bytes", field="data", value=len(data))
-    rows = data.reshape(message.height, message.step)[:, : message.width * channels]
-    if channels == 1:
-        return rows
-    colour = rows.reshape(message.height, message.width, 3)
-    return cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY if encoding == "rgb8" else cv2.COLOR_BGR2GRAY)
+def _check_pairs(
+    bag: Path, topics: Topics, chain: CameraChain, left: NDArray[np.int64], right: NDArray[np.int64]
+) -> None:
+    """DataError where most frames have no partner at the same time."""
+    for topic, times in ((topics.left, left), (topics.right, right)):
+        if len(times) == 0:
+            raise DataError(bag, "topic must have messages", value=topic)
+    _, distance = nearest_index(right, left)
+    paired, whole = int(np.sum(distance <= STEREO_TOLERANCE_NS)), min(len(left), len(right))
+    if 2 * paired < whole:
+        rule = (
+            f"frames of {topics.left} and {topics.right} must have equal stamps once their "
+            f"timeshift_cam_imu ({chain.shifts_ns[0]} and {chain.shifts_ns[1]} ns) are added: "
+            "the cameras must be triggered together"
+        )
+        raise DataError(bag, rule, value=f"{paired} pairs of {whole}")
 
 
 def _write_image(path: Path, image: NDArray[np.uint8]) -> None:
@@ -174,34 +229,20 @@ def _write_image(path: Path, image: NDArray[np.uint8]) -> None:
     path.write_bytes(data.tobytes())
 
 
-def _pose(topic: str, message: Any) -> list[float]:
-    """Position and quaternion, w first, of a PoseStamped, Odometry or TransformStamped."""
-    if hasattr(message, "transform"):
-        p, q = message.transform.translation, message.transform.rotation
-    elif hasattr(message, "pose"):
-        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-        p, q = pose.position, pose.orientation
-    else:
-        raise DataError(
-            topic, "must be PoseStamped, Odometry or TransformStamped", value=type(message).__name__
-        )
-    return [p.x, p.y, p.z, q.w, q.x, q.y, q.z]
-
-
 def _write_table(path: Path, header: str, rows: list[tuple[int, list[float]]]) -> None:
     path.parent.mkdir(exist_ok=True)
     lines = (f"{t},{','.join(repr(float(x)) for x in values)}" for t, values in sorted(rows))
     path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
 
 
-def _add_states(folder: Path, gyro_bias: Array, accel_bias: Array) -> None:
+def _add_states(folder: Path, known_biases: Array) -> None:
     """Velocities and biases beside the poses of a truth, as 17 columns."""
     truth: GroundTruth = read_ground_truth(folder)
     if len(truth.t_ns) < 3:
         raise DataError(folder / "data.csv", "must have at least three poses", value=len(truth.t_ns))
     v_W = np.gradient(truth.p_W, (truth.t_ns - truth.t_ns[0]) * 1e-9, axis=0, edge_order=2)
     lines = (folder / "data.csv").read_text(encoding="utf-8").splitlines()[1:]
-    biases = ",".join(repr(float(x)) for x in np.concatenate([gyro_bias, accel_bias]))
+    biases = ",".join(repr(float(x)) for x in known_biases)
     rows = (
         f"{line},{','.join(repr(x) for x in v)},{biases}" for line, v in zip(lines, v_W.tolist(), strict=True)
     )

@@ -16,7 +16,7 @@ from .nearest import nearest_index
 from .tables import Table, read_table
 
 # The two cameras are triggered together; their stamps may differ by rounding only.
-_STEREO_TOLERANCE_NS = 10_000
+STEREO_TOLERANCE_NS = 10_000
 _LEAST_BASELINE_M = 1e-3
 # No rotor vehicle leaves these on the median; other units or swapped columns do.
 _MEDIAN_FORCE_MPS2 = (4.0, 25.0)
@@ -112,7 +112,7 @@ def read_frames(mav: Path, sort: bool = False) -> StereoFrames:
     left = read_table(mav / "cam0" / "data.csv", (2,), sort=sort)
     right = read_table(mav / "cam1" / "data.csv", (2,), sort=sort)
     partner, distance = nearest_index(right.t_ns, left.t_ns)
-    paired = np.flatnonzero(distance <= _STEREO_TOLERANCE_NS)
+    paired = np.flatnonzero(distance <= STEREO_TOLERANCE_NS)
     if len(paired) == 0:
         raise DataError(
             right.path, "must share stamps with cam0", field="timestamp", value=int(right.t_ns[0])
@@ -121,7 +121,7 @@ def read_frames(mav: Path, sort: bool = False) -> StereoFrames:
         t_ns=left.t_ns[paired],
         left=_image_paths(left, paired),
         right=_image_paths(right, partner[paired]),
-        dropped_ns=left.t_ns[distance > _STEREO_TOLERANCE_NS],
+        dropped_ns=left.t_ns[distance > STEREO_TOLERANCE_NS],
         n_unsorted=left.n_unsorted + right.n_unsorted,
     )
 

@@ -19,7 +19,7 @@ from ..asl.ground_truth import read_ground_truth
 from ..asl.sequence import Sequence, StereoFrames, read_frames, read_imu
 from ..frontend.opencv import one_thread
 from .findings import Findings
-from .inertial import check_gravity, find_rest
+from .inertial import check_gravity, check_noise, find_rest
 from .rig import check_calibration, check_frozen, check_motion, check_stereo
 from .stamps import (
     CAMERA_RATE_HZ,
@@ -186,6 +186,8 @@ def _check_contents(
 ) -> None:
     """Images, motion, gravity, truths."""
     gyro, rest = GyroRotation(imu), find_rest(imu)
+    if parts.noise is not None:
+        check_noise(parts.noise, imu, out)
     fit = None
     left, right = parts.cameras
     if left is None or right is None or parts.noise is None:
