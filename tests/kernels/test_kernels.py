@@ -168,3 +168,34 @@ def test_machine_code_on_disk_is_that_of_the_sources(tmp_path):
     assert text != lanes.read_text()
     lanes.write_text(text)
     assert cost() == pytest.approx(before, rel=1e-9)
+
+
+_EXP = (
+    "import numpy as np; from vigauge.kernels.rotation import exp; exp(np.ones(3), np.eye(3)); print('done')"
+)
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"NUMBA_DISABLE_JIT": "1"},
+        {"HOME": "/proc/nowhere"},
+        {"HOME": "/proc/nowhere", "NUMBA_CACHE_DIR": "/proc/nowhere"},
+    ],
+    ids=lambda variables: " ".join(variables),
+)
+def test_kernels_run_whatever_the_environment_says(tmp_path, variables):
+    """Catches functions taken for compiled ones, and a cache that nobody can write."""
+    environment = dict(os.environ) | {"NUMBA_CACHE_DIR": str(tmp_path)} | variables
+    run = [sys.executable, "-c", _EXP]
+    done = subprocess.run(run, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
+
+
+def test_users_functions_stay_uncompiled_where_they_ask_for_it(tmp_path):
+    """Catches a setting of the whole process that importing this package changes."""
+    user = "import numba, vigauge.kernels.rotation; print(numba.njit(lambda x: x)(numba.config.DISABLE_JIT))"
+    environment = dict(os.environ) | {"NUMBA_DISABLE_JIT": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
+    run = [sys.executable, "-c", user]
+    done = subprocess.run(run, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "1"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -12,6 +13,7 @@ import numba
 
 from ..geometry import so3
 
+_CONFIG: Any = numba.config
 F = TypeVar("F", bound=Callable[..., Any])
 
 FLAGS: dict[str, Any] = {
@@ -48,10 +50,36 @@ SOURCES = hashlib.sha256(b"".join(file.read_bytes() for file in _FILES)).hexdige
 
 def _compiled(function: F, flags: dict[str, Any]) -> F:
     try:
-        dispatcher: Any = numba.njit(cache=True, **flags)(function)
+        dispatcher: Any = _dispatcher(function, cache=True, **flags)
     except RuntimeError as error:  # neither this folder nor the user's cache folder
         warnings.warn(f"kernels are compiled anew in every process: {error}", stacklevel=3)
-        return cast(F, numba.njit(**flags)(function))
+        return cast(F, _dispatcher(function, **flags))
     # Numba looks at the time and size of the kernel's own file only.
     dispatcher._cache._cache_file._source_stamp = SOURCES
     return cast(F, dispatcher)
+
+
+def _dispatcher(function: Callable[..., Any], **options: Any) -> Any:
+    """The kernel, compiled also where NUMBA_DISABLE_JIT=1 is set to debug other code."""
+    if not _CONFIG.DISABLE_JIT:
+        return numba.njit(**options)(function)
+    with _enabled():
+        dispatcher = numba.njit(**options)(function)
+    compile_later = dispatcher.compile
+
+    def compile_enabled(*arguments: Any) -> Any:
+        with _enabled():
+            return compile_later(*arguments)
+
+    dispatcher.compile = compile_enabled
+    return dispatcher
+
+
+@contextmanager
+def _enabled() -> Iterator[None]:
+    """Compilation for as long as it takes; the user's functions stay as they asked for."""
+    disabled, _CONFIG.DISABLE_JIT = _CONFIG.DISABLE_JIT, 0
+    try:
+        yield
+    finally:
+        _CONFIG.DISABLE_JIT = disabled
