@@ -1,9 +1,14 @@
+from pathlib import Path
+
 from snakemake.utils import min_version
 
 min_version("9.10")
 
+# With --directory the configuration is that of the folder, or else the one beside this file.
+BESIDE = Path(str(workflow.current_basedir), "config/config.yaml")
 
-configfile: "config/config.yaml"
+
+configfile: "config/config.yaml" if Path("config/config.yaml").is_file() else str(BESIDE)
 
 
 report: "workflow/report/workflow.rst"
@@ -20,6 +25,7 @@ include: "workflow/rules/sensitivity.smk"
 include: "workflow/rules/paper.smk"
 include: "workflow/rules/windows_common.smk"
 include: "workflow/rules/windows.smk"
+include: "workflow/rules/standing.smk"
 
 
 localrules:

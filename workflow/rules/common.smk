@@ -73,7 +73,7 @@ PRIOR_FLAGS = f"--prior-weight {config['prior']['weight']} --prior-reading {conf
 # Folders below the root, which are also the names in data/euroc_sources.csv.
 FETCHED = sorted({entry["folder"] for entry in config["euroc"]["sequences"].values()})
 DOWNLOAD = config["euroc"]["download"]
-EUROC_SOURCES = "data/euroc_sources.csv"
+EUROC_SOURCES = os.path.relpath(ROOT / "data/euroc_sources.csv")
 
 SEQUENCE_KEYS = {sequence_name(key): key for key in USED}
 SEQUENCES = list(SEQUENCE_KEYS)
@@ -94,7 +94,8 @@ SEQUENCES_ARE_PUBLISHED = set(PAPER_SEQUENCES) <= set(PUBLISHED_NAMES)
 # The paper's claims on sequences are judged on its sequences only.
 SOURCE_OF_CLAIMS = SOURCE_OF_SEQUENCES if SEQUENCES_ARE_PUBLISHED or not EUROC_ROOT else "other"
 
-PUBLISHED_FOLDER = "data/published"
+# Of the checkout, also where results go elsewhere with --directory.
+PUBLISHED_FOLDER = os.path.relpath(ROOT / "data/published")
 # Made by a target of its own; the ledger shows it where it is there.
 SENSITIVITY = "data/sensitivity/summary.csv"
 SENSITIVITY_STAMP = "data/sensitivity/summary.stamp.json"
@@ -113,7 +114,7 @@ SUMMARY_FILES = ["table2", "table3", *(FIGURES[key].stem for key in ("fig07", "f
 COMPARED_FIGURES = ["fig04", "fig05", "fig06", "fig07", "fig11"]
 COMPARED_FILES = ["table2", "table3", *(FIGURES[key].stem for key in COMPARED_FIGURES)]
 SHOW_PUBLISHED = config["figures"]["show_published"]
-PUBLISHED_FLAG = f"--published {PUBLISHED_FOLDER}" if SHOW_PUBLISHED else ""
+PUBLISHED_FLAG = f"--published {shlex.quote(PUBLISHED_FOLDER)}" if SHOW_PUBLISHED else ""
 # Stand-ins and other sequences are not set beside the paper's EuRoC results.
 FIGURE11_PUBLISHED = (
     f"{PUBLISHED_FLAG} --published-file {FIGURES['fig11'].stem}.csv"
@@ -277,9 +278,9 @@ if EUROC_ROOT and not Path(EUROC_ROOT).is_dir():
 
 
 def whole_configuration():
-    """The configuration as JSON, without the folder where a machine keeps EuRoC."""
-    euroc = {**config["euroc"], "root": ""}
-    return json.dumps({**config, "euroc": euroc}, sort_keys=True)
+    """The configuration as JSON, without what no result depends on: where EuRoC is, what may be replaced."""
+    numbers = {key: value for key, value in config.items() if key != "replace_other_source"}
+    return json.dumps({**numbers, "euroc": {**config["euroc"], "root": ""}}, sort_keys=True)
 
 
 def figure_image(key):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -299,6 +300,86 @@ def test_report_builds_with_every_caption(smoke_project: Path) -> None:
     # The page with the evidence opens inside the report: it is there as HTML.
     start = report.index('"paper_figures/claims.html": {')
     assert re.search(r'"mime_type": "text/html".*?"data_uri": "data:text/html', report[start : start + 2000])
+
+
+def of_euroc(folder: Path) -> Path:
+    """The record says that what stands there is EuRoC's; the path of the record."""
+    path = folder / "paper_figures" / "source.json"
+    record = json.loads(path.read_text("utf-8"))
+    assert len(record) > 15 and {build["claims"] for build in record.values()} == {"rendered"}
+    made = {"source": "euroc", "claims": "euroc", "published": True}
+    path.write_text(json.dumps(dict.fromkeys(record, made)), "utf-8")
+    return path
+
+
+def test_results_of_another_source_are_not_replaced_unasked(scratch_project: Path) -> None:
+    """Stand-ins in the place of EuRoC's results, because EUROC_ROOT was not set in this terminal."""
+    record = of_euroc(scratch_project)
+    table = scratch_project / "paper_figures" / "table3.csv"
+    table.write_text("of EuRoC", "utf-8")
+    os.utime(scratch_project / "data" / "published" / "table3.csv")
+    told = "show the paper's EuRoC sequences, and {} would replace them by rendered stand-ins: set EUROC_ROOT"
+    looked = snakemake(scratch_project, "--dry-run")
+    assert looked.returncode == 0 and told.format("a build of everything") in looked.stdout + looked.stderr
+    refused = snakemake(scratch_project)
+    assert refused.returncode != 0 and told.format("this run") in refused.stderr
+    assert "--config replace_other_source=True" in refused.stderr
+    assert "Traceback" not in refused.stderr
+    assert table.read_text("utf-8") == "of EuRoC"
+    # What shows no sequence is made as ever.
+    others = snakemake(scratch_project, "--force", "paper_figures/table1.csv")
+    assert others.returncode == 0, others.stderr[-3000:]
+    done = snakemake(scratch_project, "paper_figures/table3.csv", "--config", "replace_other_source=True")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert {row["source"] for row in rows(table)} == {"rendered"}
+    builds = {file: build["claims"] for file, build in json.loads(record.read_text("utf-8")).items()}
+    assert {file for file, source in builds.items() if source == "rendered"} == {
+        f"paper_figures/table3.{ending}" for ending in ("csv", "md", "tex")
+    }
+
+
+def test_report_speaks_of_what_it_shows(scratch_project: Path) -> None:
+    """Captions of stand-ins under EuRoC's results, where the report is made without EUROC_ROOT."""
+    words = "Rendered stand-in, not EuRoC"
+    for change, told in ((lambda folder: None, True), (of_euroc, False)):
+        change(scratch_project)
+        done = snakemake(scratch_project, "--report", "report.html")
+        assert done.returncode == 0, done.stderr[-3000:]
+        assert (words in (scratch_project / "report.html").read_text("utf-8")) == told
+
+
+def test_record_that_is_none_is_refused(scratch_project: Path) -> None:
+    (scratch_project / "paper_figures" / "source.json").write_text('{"table3.csv": 1}', "utf-8")
+    done = snakemake(scratch_project)
+    assert done.returncode != 0 and "must be the record of a build" in done.stderr
+
+
+def test_snakefile_in_another_folder_makes_the_same(smoke_project: Path, tmp_path: Path) -> None:
+    """Configuration and published numbers looked up where the results go; a folder's name with a space."""
+    results = tmp_path / "my results"
+    target = "paper_figures/table1.csv"
+    arguments = ("--directory", str(results), "-s", str(smoke_project / "Snakefile"))
+    smoke = ("--configfile", str(smoke_project / "config" / "smoke.yaml"))
+    planned = snakemake(tmp_path, *arguments, *smoke, "--dry-run", smoke=False)
+    assert planned.returncode == 0, planned.stdout[-3000:] + planned.stderr[-3000:]
+    done = snakemake(tmp_path, *arguments, target, *smoke, smoke=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (results / target).read_bytes() == (smoke_project / target).read_bytes()
+
+
+@pytest.mark.parametrize("backend", ["module://matplotlib_inline.backend_inline", "no_such_backend", "tkagg"])
+def test_figures_are_drawn_whatever_a_notebook_says(
+    smoke_project: Path, tmp_path: Path, backend: str
+) -> None:
+    """Matplotlib that stops while it is loaded, before there is a log."""
+    data = smoke_project / "data" / "simulation"
+    command = [sys.executable, "-m", "vigauge_paper.commands.figure_scenes", "--names", "sine_plane"]
+    command += ["--truths", str(data / "sine_plane" / "truth.npz"), "--paths"]
+    command += [str(data / "sine_plane" / "path.csv"), "--output", str(tmp_path / "scene.png")]
+    environment = dict(os.environ) | {"MPLBACKEND": backend, "PYTHONPATH": str(smoke_project / "src")}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "scene.png").is_file()
 
 
 def test_standard_entry_makes_the_same(smoke_project: Path) -> None:
