@@ -79,8 +79,8 @@ def indices(what: str, value: object, count: int, *, field: str | None = None) -
 def number(
     what: str, value: object, *, field: str | None = None, above: float = -math.inf, least: float = -math.inf
 ) -> float:
-    """``value`` as a finite float above ``above`` and not below ``least``; DataError otherwise, and for a bool
-    or a string."""
+    """``value`` as a finite float above ``above``, at least ``least``; DataError otherwise, and for a bool or
+    a string."""
     try:
         out = float(reals(what, value, (), field=field))
     except DataError as error:
