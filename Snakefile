@@ -23,7 +23,6 @@ include: "workflow/rules/covariance.smk"
 include: "workflow/rules/reasons.smk"
 include: "workflow/rules/sensitivity.smk"
 include: "workflow/rules/paper.smk"
-include: "workflow/rules/windows_common.smk"
 include: "workflow/rules/windows.smk"
 include: "workflow/rules/standing.smk"
 

@@ -1,73 +1,80 @@
-"""A window through everything: solved with all figures, or refused where and why."""
+"""A window's row: all figures of its results, or where and why it was refused."""
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
 
-from vigauge.recordings.frontend.settings import FrontEndSettings
-from vigauge.solver.levenberg_marquardt import Options
-from vigauge_paper.experiments.windows import COMPARED, WindowTask, run_window, summarise
-from vigauge_paper.stand_in.asl_folder import write_asl_folder
-from vigauge_paper.stand_in.rendering import RenderSettings, render_sequence
+from vigauge.files import write_json, write_rows
+from vigauge_paper.experiments.windows import COMPARED, DISTANCES, summarise, window_rows
 
-TRUTH = "state_groundtruth_estimate0"
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("windows") / "room"
-    write_asl_folder(render_sequence("room", RenderSettings(seed=7, duration_s=1.5)), "room", folder, {})
-    return folder
+SETTINGS = {"start_s": 5.0, "end_s": 8.0, "truth": "state_groundtruth_estimate0"}
+GAUGES = ("fix", "prior", "free")
+MODELS = ("headline", "consistent")
 
 
-def task(folder: Path, truth: str = TRUTH, **keyframes: object) -> WindowTask:
-    settings = FrontEndSettings.from_mapping(
-        {"tracker": "descriptors", "keyframes": {"count": 4} | keyframes, "descriptors": {"features": 600}}
-    )
-    noise = {"headline": {"sigma_px": 0.3, "density_factor": 1.0}}
-    return WindowTask("w", folder, truth, truth, settings, noise)
+def solution(noise: str, gauge: str) -> dict[str, object]:
+    """Numbers that no other row has, in columns that no other row's are in."""
+    first = 100 * (1 + MODELS.index(noise)) + 10 * GAUGES.index(gauge)
+    errors = [f"start_{name}" for name in COMPARED] + list(COMPARED)
+    row = {"noise": noise, "gauge": gauge, "status": "function tolerance", "converged": True, "cost": 1.5}
+    return row | {"iterations": 4} | {name: first + index for index, name in enumerate(errors)}
 
 
-def test_window_gives_errors_iterations_and_distances_of_three_gauges(folder: Path) -> None:
-    """A column that is filled from another gauge, or the start's errors in place of the optimum's."""
-    rows = run_window(task(folder, window_start_s=0.3), Options(), 1e5)
-    assert [row["gauge"] for row in rows] == ["fix", "prior", "free"]
+def covariance(noise: str, withheld: str = "") -> dict[str, object]:
+    distances = {name: "nan" if withheld else f"{noise} {name}" for name in DISTANCES}
+    return {"noise": noise, "withheld": withheld} | distances
+
+
+def rows_of(
+    data: Path, solutions: list | None = None, covariances: list | None = None, **report: object
+) -> list[dict[str, str]]:
+    """Rows of a window whose results are written as the rules leave them."""
+    write_json(data / "checks/w.json", {"sequence": "room", "errors": [], "warnings": [{}, {}]})
+    write_json(data / "sequences/w/report.json", report)
+    if solutions is not None:
+        write_rows(data / "solutions/w/solutions.csv", solutions)
+        write_rows(data / "covariance/w.csv", covariances or [covariance(noise) for noise in MODELS])
+    return window_rows(data, "w", SETTINGS)
+
+
+ALL = [solution(noise, gauge) for noise in MODELS for gauge in GAUGES]
+
+
+def test_window_gives_errors_iterations_and_distances_of_three_gauges(tmp_path: Path) -> None:
+    """A column that is filled from another gauge or noise, or the start's errors for the optimum's."""
+    rows = rows_of(tmp_path, ALL, keyframes=4, landmarks=60)
+    assert [(row["noise"], row["gauge"]) for row in rows] == [
+        (noise, gauge) for noise in ("consistent", "headline") for gauge in GAUGES
+    ]
     for row in rows:
-        assert row["converged"] is True and row["stopped_at"] == "" and row["why"] == ""
-        assert 0 < row["p_rmse_m"] < row["start_p_rmse_m"] < 0.05
-        assert 0 < row["v_rmse_mps"] < row["start_v_rmse_mps"]
-        assert row["relative_frobenius_same_point"] < 1e-9
-        assert 0 < row["relative_frobenius_converged"] < 0.05
-        assert row["keyframes"] == 4 and row["landmarks"] > 50
+        wanted = solution(row["noise"], row["gauge"]) | SETTINGS | covariance(row["noise"])
+        wanted |= {"window": "w", "sequence": "room", "keyframes": 4, "landmarks": 60, "check_warnings": 2}
+        del wanted["withheld"]
+        assert row == {name: str(value) for name, value in wanted.items()} | {"stopped_at": "", "why": ""}
 
 
-@pytest.mark.parametrize(
-    ("change", "stage", "words"),
-    [
-        ({"truth": "state_groundtruth_nowhere0"}, "check", "file must exist"),
-        ({"count": 20}, "front-end", "DataError: frames: the window"),
-        ({"window_start_s": 90.0}, "check", "frames lie in the window"),
-    ],
-)
-def test_refused_window_says_where_and_why(folder: Path, change: dict, stage: str, words: str) -> None:
-    """Not-a-number, or an empty cell, in place of a reason."""
-    if "count" in change:
-        change = change | {"window_start_s": 1.0}
-    (row,) = run_window(task(folder, **change), Options(), 1e5)
-    assert row["stopped_at"] == stage and words in str(row["why"])
-    assert row["gauge"] == "" and row["p_rmse_m"] == ""
+def test_refused_window_says_where_and_why(tmp_path: Path) -> None:
+    """Not-a-number, or results that are looked for, in place of a reason."""
+    (row,) = rows_of(tmp_path, stopped_at="check", why="standing still")
+    assert (row["stopped_at"], row["why"]) == ("check", "standing still")
+    assert row["gauge"] == row["p_rmse_m"] == row["keyframes"] == "" and row["end_s"] == "8.0"
 
 
-def test_fault_of_the_recording_stops_before_the_front_end(folder: Path, tmp_path: Path) -> None:
-    spoilt = Path(shutil.copytree(folder, tmp_path / "room"))
-    path = spoilt / "mav0" / "imu0" / "data.csv"
-    rows = path.read_text().splitlines()
-    path.write_text("\n".join(rows[:400] + rows[450:]) + "\n")
-    (row,) = run_window(task(spoilt), Options(), 1e5)
-    assert row["stopped_at"] == "check" and "imu gap" in str(row["why"])
+def test_runs_without_convergence_and_withheld_covariances_have_no_distances(tmp_path: Path) -> None:
+    """Distances of a covariance that does not exist; one noise model's fault told of the other."""
+    failed = [
+        row | ({"converged": False, "status": "iteration limit"} if row["noise"] == "headline" else {})
+        for row in ALL
+    ]
+    rows = rows_of(tmp_path, failed, [covariance("headline", "x"), covariance("consistent", "degenerate")])
+    assert {(row["noise"], row["stopped_at"], row["why"]) for row in rows} == {
+        ("consistent", "covariance", "degenerate"),
+        ("headline", "solve", "fix: iteration limit; prior: iteration limit; free: iteration limit"),
+    }
+    assert {row[name] for row in rows for name in DISTANCES} == {""}
+    assert all(row["p_rmse_m"] for row in rows)
 
 
 def row_of(start: float, end: float, converged: bool = True) -> dict[str, str]:

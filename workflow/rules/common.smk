@@ -1,5 +1,6 @@
 """What the other files of this folder share: names, sources of sequences, sections of the configuration."""
 
+import copy
 import hashlib
 import json
 import os
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import grimp
 from snakemake.exceptions import WorkflowError
+from snakemake.utils import update_config
 
 # This file's folder is workflow/rules, whichever of the two Snakefiles was started.
 ROOT = Path(str(workflow.current_basedir)).resolve().parents[1]
@@ -19,7 +21,7 @@ sys.path.insert(0, str(SOURCE))
 
 from vigauge_paper.experiments.registry import TIMED, UNTIMED
 from vigauge_paper.figures.registry import FIGURES
-from vigauge_paper.ids import CONFIGURATIONS, FIGURE7_ORDER, HEADLINE, POINTS, TABLES, TRAJECTORIES
+from vigauge_paper.ids import CONFIGURATIONS, FIGURE7_ORDER, POINTS, TABLES, TRAJECTORIES
 from vigauge_paper.prior import information
 from vigauge_paper.run.configuration import check_config
 from vigauge.errors import ConfigError
@@ -82,6 +84,35 @@ VICON_ROOM = sequence_name(config["paper"]["vicon_room"])
 if MACHINE_HALL == VICON_ROOM:
     raise WorkflowError(f"configuration, paper: must name two different sequences (both are {VICON_ROOM})")
 
+# Entries of sequences, whatever their source: folder, ground truths, front-end, noise.
+RECORDINGS = EUROC_ROOT or "data/rendered"
+STAND_IN_TRUTH = ["state_groundtruth_estimate0"]
+RECORDED = (
+    config["euroc"]["sequences"]
+    if EUROC_ROOT
+    else {
+        scene: {"folder": f"rendered_{scene}", "truth": STAND_IN_TRUTH, "biases": STAND_IN_TRUTH, **entry}
+        for scene, entry in config["rendered"].items()
+    }
+)
+ENTRIES = {
+    name: RECORDED[key if EUROC_ROOT else config["euroc"]["sequences"][key]["stand_in"]]
+    for name, key in SEQUENCE_KEYS.items()
+}
+# A window is a sequence: what its entry leaves out is that of the sequence it names.
+WINDOWS = []
+for name, entry in config["windows"][SOURCE_OF_SEQUENCES].items():
+    where = f"configuration, windows.{SOURCE_OF_SEQUENCES}.{name}"
+    if entry["sequence"] not in RECORDED:
+        known = ", ".join(RECORDED)
+        raise WorkflowError(f"{where}.sequence: must be one of {known} (found {entry['sequence']!r})")
+    if name in (*SEQUENCES, *CONFIGURATIONS):
+        raise WorkflowError(f"{where}: must have another name than a sequence or configuration")
+    if not EUROC_ROOT or entry["sequence"] in USED:
+        ENTRIES[name] = copy.deepcopy(RECORDED[entry["sequence"]])
+        update_config(ENTRIES[name], entry)
+        WINDOWS.append(name)
+
 PAPER_SEQUENCES = [MACHINE_HALL, VICON_ROOM]
 EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
 # The paper's name for a sequence, where it is one of the paper's; a stand-in is none of them.
@@ -128,7 +159,7 @@ wildcard_constraints:
     trajectory="|".join(TRAJECTORIES),
     points="|".join(POINTS),
     configuration="|".join(CONFIGURATIONS),
-    sequence="|".join(re.escape(name) for name in SEQUENCES),
+    sequence="|".join(re.escape(name) for name in ENTRIES),
     scene="hall|room",
     experiment="|".join(TIMED),
     fetched="|".join(re.escape(name) for name in FETCHED),
@@ -165,18 +196,13 @@ def section(*keys):
 
 
 def sequence_section(name, part):
-    """A part of the configuration of a sequence or of its stand-in, as JSON."""
-    if EUROC_ROOT:
-        return section("euroc", "sequences", name, part)
-    return section("rendered", name.removeprefix("rendered_"), part)
+    """A part of the entry of a sequence, as JSON."""
+    return json.dumps(ENTRIES[name][part], sort_keys=True)
 
 
 def sequence_folder(name):
     """ASL folder of a sequence: below the EuRoC root, or of the stand-in that is rendered."""
-    entry = config["euroc"]["sequences"][SEQUENCE_KEYS[name]]
-    if EUROC_ROOT:
-        return str(Path(EUROC_ROOT) / entry["folder"])
-    return f"data/rendered/{name}"
+    return str(Path(RECORDINGS, ENTRIES[name]["folder"]))
 
 
 def noise_models(wildcards):
@@ -184,25 +210,18 @@ def noise_models(wildcards):
     return sequence_section(wildcards.sequence, "noise")
 
 
-def headline_of(name):
-    """The noise model of a sequence's headline results, as JSON."""
-    return json.dumps(json.loads(sequence_section(name, "noise"))[HEADLINE], sort_keys=True)
-
-
-def headline_noise(wildcards):
-    return headline_of(wildcards.sequence)
+def repeats_of(wildcards):
+    """Timed solves of a sequence: nothing shows the times of a window."""
+    return 1 if wildcards.sequence in WINDOWS else config["timing"]["repeats_sequence"]
 
 
 def ground_truth_folder(name, purpose):
     """The first of the configured ground-truth folders that the sequence has.
 
-    A stand-in has one, which is exact. Where none exists the first is named, so that
-    Snakemake reports it as missing.
+    Where none exists the first is named, so that Snakemake reports it as missing.
     """
     mav0 = Path(sequence_folder(name), "mav0")
-    if not EUROC_ROOT:
-        return str(mav0 / "state_groundtruth_estimate0")
-    choices = config["euroc"]["sequences"][SEQUENCE_KEYS[name]][purpose]
+    choices = ENTRIES[name][purpose]
     existing = [choice for choice in choices if (mav0 / choice / "data.csv").is_file()]
     return str(mav0 / (existing or choices)[0])
 
@@ -248,25 +267,60 @@ def truth_names(wildcards):
     return sorted({Path(ground_truth_folder(wildcards.sequence, use)).name for use in ("truth", "biases")})
 
 
-def window_flags(front_end):
+def check_window(wildcards):
     """The part of a recording that a front-end looks at, as flags of its check."""
-    window = {"window_origin_ns": 0, "window_start_s": 0.0, "window_end_s": 1e6} | front_end.get(
+    front_end = ENTRIES[wildcards.sequence]["front_end"]
+    start_s, end_s, origin_ns = window_of(front_end)
+    offset_ns = front_end.get("camera_time_offset_ns", 0)
+    return f"--window {start_s} {end_s} --origin-ns {origin_ns} --camera-time-offset-ns {offset_ns}"
+
+
+def window_of(front_end):
+    """Begin and end of the part of a recording that a front-end looks at, s, and what they count from, ns."""
+    window = {"window_start_s": 0.0, "window_end_s": 1e6, "window_origin_ns": 0} | front_end.get(
         "keyframes", {}
     )
-    return (
-        f"--window {window['window_start_s']} {window['window_end_s']} --origin-ns {window['window_origin_ns']}"
-        f" --camera-time-offset-ns {front_end.get('camera_time_offset_ns', 0)}"
-    )
-
-
-def check_window(wildcards):
-    return window_flags(json.loads(front_end_settings(wildcards)))
+    return window["window_start_s"], window["window_end_s"], window["window_origin_ns"]
 
 
 def sort_flag(wildcards):
     """Allows rows out of order in a sequence's files, where the configuration does."""
-    entry = config["euroc"]["sequences"][SEQUENCE_KEYS[wildcards.sequence]]
-    return "--sort" if EUROC_ROOT and entry.get("sort", False) else ""
+    return "--sort" if ENTRIES[wildcards.sequence].get("sort", False) else ""
+
+
+def check_accepts(wildcards):
+    """Faults with which the rules go on: the table of windows says which were refused, and why."""
+    return "--accept-errors" if wildcards.sequence in WINDOWS else "--accept-warnings"
+
+
+def front_end_accepts(wildcards, input):
+    return f"--accept-refusal {input.checked}" if wildcards.sequence in WINDOWS else ""
+
+
+def settings_of_windows(wildcards):
+    """What the table of windows says of each, as JSON."""
+    settings = {}
+    for name in WINDOWS:
+        start_s, end_s, _ = window_of(ENTRIES[name]["front_end"])
+        truth = Path(ground_truth_folder(name, "truth")).name
+        settings[name] = {"start_s": start_s, "end_s": end_s, "truth": truth}
+    return json.dumps(settings)
+
+
+def usable_windows():
+    """Windows that neither check nor front-end refused."""
+    reports = {name: checkpoints.front_end.get(sequence=name).output.report for name in WINDOWS}
+    return [name for name, file in reports.items() if "stopped_at" not in json.loads(Path(file).read_text())]
+
+
+def results_of_windows(wildcards):
+    files = ["data/solutions/{name}/solutions.csv", "data/covariance/{name}.csv"]
+    return expand(files, name=usable_windows())
+
+
+def stamps_of_windows(wildcards):
+    folders = ["data/sequences/{name}/", "data/solutions/{name}/", "data/covariance/{name}."]
+    return expand("{folder}stamp.json", folder=expand(folders, name=usable_windows()))
 
 
 def scene_settings(wildcards):

@@ -9,6 +9,7 @@ rule covariance_simulation:
         code=code_of("covariance"),
     output:
         covariance="data/covariance/{configuration}.npz",
+        distances="data/covariance/{configuration}.csv",
         stamp="data/covariance/{configuration}.stamp.json",
     log:
         "logs/covariance/{configuration}.log",
@@ -20,7 +21,7 @@ rule covariance_simulation:
         "Covariances of {wildcards.configuration}"
     shell:
         "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
-        " {params.prior} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " {params.prior} --output {output.covariance:q} --distances {output.distances:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
 
 
 rule covariance_sequence:
@@ -31,6 +32,7 @@ rule covariance_sequence:
         code=code_of("covariance"),
     output:
         covariance="data/covariance/{sequence}.npz",
+        distances="data/covariance/{sequence}.csv",
         stamp="data/covariance/{sequence}.stamp.json",
     log:
         "logs/covariance/{sequence}.log",
@@ -38,9 +40,9 @@ rule covariance_sequence:
         "../envs/vigauge.yaml"
     params:
         prior=PRIOR_FLAGS,
-        noise=headline_noise,
+        noise=noise_models,
     message:
         "Covariances of {wildcards.sequence}"
     shell:
         "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
-        " {params.prior} --noise {params.noise:q} --output {output.covariance:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " {params.prior} --noise {params.noise:q} --output {output.covariance:q} --distances {output.distances:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

@@ -36,14 +36,15 @@ rule check_sequence:
         truths=truth_names,
         window=check_window,
         sort=sort_flag,
+        accepts=check_accepts,
     message:
         "Checking {wildcards.sequence}"
     shell:
         "python -m vigauge.cli.check_sequence {params.folder:q} --truth {params.truths:q} {params.window}"
-        " {params.sort} --accept-warnings --output {output:q} --log {log:q}"
+        " {params.sort} {params.accepts} --output {output:q} --log {log:q}"
 
 
-rule front_end:
+checkpoint front_end:
     input:
         checked="data/checks/{sequence}.json",
         sequence=sequence_files,
@@ -64,9 +65,10 @@ rule front_end:
         biases=front_end_biases,
         settings=front_end_settings,
         sort=sort_flag,
+        accepts=front_end_accepts,
     message:
         "Front-end on {wildcards.sequence}"
     shell:
         "python -m vigauge_paper.commands.front_end --sequence {params.folder:q} --biases {params.biases:q}"
-        " --truth {params.truth:q} --settings {params.settings:q} {params.sort} --output {output.problem:q}"
+        " --truth {params.truth:q} --settings {params.settings:q} {params.sort} {params.accepts} --output {output.problem:q}"
         " --truth-output {output.truth:q} --report {output.report:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"

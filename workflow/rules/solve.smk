@@ -54,7 +54,7 @@ rule solve_sequence:
         prior=PRIOR_FLAGS,
         solver=section("solver"),
         noise=noise_models,
-        repeats=config["timing"]["repeats_sequence"],
+        repeats=repeats_of,
     message:
         "Solving {wildcards.sequence} in three gauges"
     shell:

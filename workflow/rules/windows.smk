@@ -1,8 +1,4 @@
-"""Windows of every recording, through everything: a target of its own, `snakemake --cores 2 windows`."""
-
-
-wildcard_constraints:
-    window="|".join(re.escape(name) for name in WINDOWS),
+"""Other parts of the recordings, as sequences of their own: `snakemake --cores 2 windows`."""
 
 
 localrules:
@@ -14,36 +10,12 @@ rule windows:
         f"{OUT}/windows.csv",
 
 
-rule window:
-    input:
-        sequence=window_files,
-        code=code_of("window"),
-    output:
-        "data/windows/{window}.csv",
-    log:
-        "logs/windows/{window}.log",
-    conda:
-        "../envs/vigauge.yaml"
-    params:
-        folder=window_folder,
-        truth=lambda wildcards: window_truth(wildcards, "truth"),
-        biases=lambda wildcards: window_truth(wildcards, "biases"),
-        settings=window_settings,
-        noise=lambda wildcards: sequence_section(window_sequence(wildcards), "noise"),
-        information=PRIOR_INFORMATION,
-        solver=section("solver"),
-    message:
-        "Window {wildcards.window}"
-    shell:
-        "python -m vigauge_paper.commands.window --name {wildcards.window} --sequence {params.folder:q}"
-        " --truth {params.truth:q} --biases {params.biases:q} --settings {params.settings:q}"
-        " --noise {params.noise:q} --prior-information {params.information} --solver {params.solver:q}"
-        " --output {output:q} --log {log:q}"
-
-
 rule windows_table:
     input:
-        rows=expand("data/windows/{window}.csv", window=WINDOWS),
+        expand("data/checks/{name}.json", name=WINDOWS),
+        expand("data/sequences/{name}/report.json", name=WINDOWS),
+        solved=results_of_windows,
+        stamps=stamps_of_windows,
         code=code_of("windows"),
     output:
         csv=f"{OUT}/windows.csv",
@@ -54,9 +26,10 @@ rule windows_table:
     conda:
         "../envs/vigauge.yaml"
     params:
+        windows=settings_of_windows,
         source=SOURCE_OF_SEQUENCES,
     message:
         "Windows of all recordings"
     shell:
-        "python -m vigauge_paper.commands.windows --rows {input.rows:q} --source {params.source}"
-        " --output {output.csv:q} --summary {output.summary:q} --log {log:q}"
+        "python -m vigauge_paper.commands.windows --windows {params.windows:q} --data data --source {params.source}"
+        " --output {output.csv:q} --summary {output.summary:q} --stamps {input.stamps:q} --log {log:q}"

@@ -32,9 +32,10 @@ def work(options: argparse.Namespace) -> None:
         # The log must tell why a rule stopped: its output is not kept then.
         LOG.info("%s", "\n".join(found.lines()))
     status = found.exit_status
-    if options.output and status < 2:
+    accepted = 2 if options.accept_errors else int(options.accept_warnings)
+    if options.output and status <= max(accepted, 1):
         write_json(options.output, report)
-    if status == 2 or (status == 1 and not options.accept_warnings):
+    if status > accepted:
         sys.exit(status)
 
 
@@ -65,6 +66,9 @@ def main() -> None:
     arguments.add_argument("--output", type=Path, help="file that gets the JSON as well, unless unusable")
     arguments.add_argument(
         "--accept-warnings", action="store_true", help="exit status 0 where there are warnings only"
+    )
+    arguments.add_argument(
+        "--accept-errors", action="store_true", help="exit status 0, and the file, whatever is found"
     )
     run(work, arguments, defect_status=_EXIT_DEFECT)
 

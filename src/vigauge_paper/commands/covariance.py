@@ -20,6 +20,7 @@ from vigauge.cli.command import LOG
 from vigauge.covariance.covariance import Covariance, motion_pseudo_inverse
 from vigauge.covariance.transform import transform_covariance
 from vigauge.errors import DegenerateError
+from vigauge.files import write_rows
 from vigauge.gauge.gauges import FixedGauge, PriorGauge, three_gauges
 from vigauge.model.archive import load_problems, load_states, load_statuses, save_arrays
 from vigauge.model.evaluation import covariance_defects, relative_frobenius
@@ -28,7 +29,8 @@ from vigauge.model.state import State
 from vigauge.observability.diagnosis import Diagnosis, diagnose
 from vigauge.observability.spectrum import Spectrum
 from vigauge.solver.levenberg_marquardt import CONVERGED, Status
-from vigauge_paper.ids import FIX, FREE, PRIOR
+from vigauge_paper.experiments.solves import under_noise
+from vigauge_paper.ids import FIX, FREE, HEADLINE, PRIOR
 from vigauge_paper.prior import information
 from vigauge_paper.run.artefacts import add_prior
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
@@ -36,11 +38,15 @@ from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 # Covariances of the archive, and how far from symmetric and positive they may be: rounding errors.
 MATRICES = ("free", "fixed", "prior", "transformed", "transformed_same_point")
 DEFECT_LIMIT = 1e-8
+# What is told of every noise model.
+DISTANCES = tuple(f"relative_frobenius_{name}" for name in ("same_point", "converged", "prior"))
+
+Archive = dict[str, np.ndarray | float | int]
 
 
 def compare_gauges(
     problem: Problem, states: Mapping[str, State], prior_weight: float, prior_reading: str
-) -> dict[str, np.ndarray | float | int]:
+) -> Archive:
     """Covariances at the three estimates and at one common point, and their distances."""
     reference, fixed_gauge = problem.initial, FixedGauge()
     fix, prior, free = (states[gauge] for gauge in (FIX, PRIOR, FREE))
@@ -78,7 +84,7 @@ def compare_gauges(
     }
 
 
-def without_covariance(state: State, found: Diagnosis, withheld: str) -> dict[str, np.ndarray | float | int]:
+def without_covariance(state: State, found: Diagnosis, withheld: str) -> Archive:
     """What the archive holds instead of covariances that would mean nothing."""
     return {
         "withheld": np.array(withheld),
@@ -94,39 +100,55 @@ def without_covariance(state: State, found: Diagnosis, withheld: str) -> dict[st
     }
 
 
-def work(options: argparse.Namespace) -> None:
-    problem = load_problems(options.problems)[0]
-    if options.noise:
-        problem = problem.with_noise(**options.noise)
-    # As solve writes them.
-    gauges = tuple(three_gauges(1.0))
-    states = dict(zip(gauges, load_states(options.states), strict=True))
-    failed = [
-        f"{gauge} ({status})"
-        for gauge, status in zip(gauges, load_statuses(options.states), strict=True)
-        if Status(status) not in CONVERGED
-    ]
+def archive_of(
+    problem: Problem,
+    states: Mapping[str, State],
+    statuses: Mapping[str, str],
+    prior_weight: float,
+    prior_reading: str,
+) -> Archive:
+    """Covariances of one problem, or why there are none, by the estimates of the gauges."""
     found = diagnose(problem, states[FREE])
+    failed = [f"{gauge} ({status})" for gauge, status in statuses.items() if Status(status) not in CONVERGED]
     withheld = found.withheld or (f"the run did not converge: {', '.join(failed)}" if failed else "")
     if withheld:
-        save_arrays(options.output, without_covariance(states[FREE], found, withheld))
         LOG.warning("covariance withheld; %s", withheld)
-        return
-    arrays = compare_gauges(problem, states, options.prior_weight, options.prior_reading)
+        return without_covariance(states[FREE], found, withheld)
+    arrays = compare_gauges(problem, states, prior_weight, prior_reading)
     defects = {name: covariance_defects(np.asarray(arrays[name])) for name in MATRICES}
     for name, found_defects in defects.items():
         if max(found_defects.asymmetry, found_defects.negativity) > DEFECT_LIMIT:
             raise DegenerateError(f"covariance '{name}' is none: {found_defects}")
     arrays |= {f"asymmetry_{name}": d.asymmetry for name, d in defects.items()}
     arrays |= {f"negativity_{name}": d.negativity for name, d in defects.items()}
-    save_arrays(options.output, {"withheld": np.array(""), **arrays})
     LOG.info("%s", found.sentence)
     LOG.info(
         "relative Frobenius distance to fixed: %.2e at the same point, %.2e converged, %.2e prior",
-        arrays["relative_frobenius_same_point"],
-        arrays["relative_frobenius_converged"],
-        arrays["relative_frobenius_prior"],
+        *(arrays[name] for name in DISTANCES),
     )
+    return {"withheld": np.array(""), **arrays}
+
+
+def work(options: argparse.Namespace) -> None:
+    models = under_noise(load_problems(options.problems)[:1], options.noise)
+    # As solve writes them.
+    gauges = [*three_gauges(1.0)]
+    states, statuses = load_states(options.states), load_statuses(options.states)
+    rows = []
+    for index, (name, (problem,)) in enumerate(models.items()):
+        mine = slice(index * len(gauges), (index + 1) * len(gauges))
+        archive = archive_of(
+            problem,
+            dict(zip(gauges, states[mine], strict=True)),
+            dict(zip(gauges, statuses[mine], strict=True)),
+            options.prior_weight,
+            options.prior_reading,
+        )
+        if name == HEADLINE:
+            save_arrays(options.output, archive)
+        distances = {key: archive.get(key, np.nan) for key in DISTANCES}
+        rows.append({"noise": name, "withheld": archive["withheld"], **distances})
+    write_rows(options.distances, rows)
 
 
 def main() -> None:
@@ -134,11 +156,16 @@ def main() -> None:
     arguments.add_argument("--problems", type=Path, required=True, help="archive; its first problem is used")
     arguments.add_argument("--states", type=Path, required=True, help="estimates as solve writes them")
     add_prior(arguments)
-    arguments.add_argument("--noise", type=json_argument, default={}, help="noise model, as in the config")
+    arguments.add_argument("--noise", type=json_argument, default={}, help="noise models by name")
     arguments.add_argument(
-        "--output", type=Path, required=True, help="output: covariances and their distances"
+        "--output", type=Path, required=True, help="output: covariances of the headline noise"
     )
-    stamped = Stamped({"prior_weight": "prior.weight", "prior_reading": "prior.reading"}, outputs=("output",))
+    arguments.add_argument(
+        "--distances", type=Path, required=True, help="output: their distances, a row a noise model"
+    )
+    stamped = Stamped(
+        {"prior_weight": "prior.weight", "prior_reading": "prior.reading"}, outputs=("output", "distances")
+    )
     run(work, arguments, stamped)
 
 

@@ -7,10 +7,12 @@ steps that the accelerometer rules out, then as published.
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 from vigauge.cli.command import LOG
-from vigauge.files import write_json
+from vigauge.errors import VigaugeError
+from vigauge.files import write_json, write_text
 from vigauge.model.archive import save_problems, save_states
 from vigauge.recordings.asl.ground_truth import read_ground_truth
 from vigauge.recordings.asl.sequence import read_sequence
@@ -22,6 +24,28 @@ from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 
 def work(options: argparse.Namespace) -> None:
     settings = FrontEndSettings.from_mapping(options.settings)
+    if not options.accept_refusal:
+        _build(options, settings)
+    elif refusal := _refusal(options, settings):
+        write_json(options.report, refusal)
+        for output in (options.output, options.truth_output):
+            write_text(output, "")
+        LOG.warning("%s: stopped at %s: %s", options.sequence.name, *refusal.values())
+
+
+def _refusal(options: argparse.Namespace, settings: FrontEndSettings) -> dict[str, str]:
+    """Where and why the sequence cannot be used; empty where its problem was built."""
+    errors = json.loads(options.accept_refusal.read_text(encoding="utf-8"))["errors"]
+    if errors:
+        return {"stopped_at": "check", "why": "; ".join(f"{e['check']}: {e['message']}" for e in errors)}
+    try:
+        _build(options, settings)
+    except VigaugeError as error:
+        return {"stopped_at": "front-end", "why": f"{type(error).__name__}: {error}"}
+    return {}
+
+
+def _build(options: argparse.Namespace, settings: FrontEndSettings) -> None:
     sequence = read_sequence(options.sequence, sort=options.sort)
     biases = read_ground_truth(options.biases, sort=options.sort)
     same = options.truth == options.biases
@@ -82,6 +106,13 @@ def main() -> None:
     arguments.add_argument("--truth", type=Path, required=True, help="ground-truth folder for evaluation")
     arguments.add_argument("--settings", type=json_argument, required=True, help="front-end settings")
     arguments.add_argument("--sort", action="store_true", help="put rows in order of time, and count them")
+    arguments.add_argument(
+        "--accept-refusal",
+        type=Path,
+        metavar="CHECK",
+        help="report of the check: where it or the front-end refuses the sequence, the report says why,"
+        " and the archives are empty files",
+    )
     arguments.add_argument("--output", type=Path, required=True, help="output: the problem")
     arguments.add_argument(
         "--truth-output",

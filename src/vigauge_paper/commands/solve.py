@@ -15,10 +15,8 @@ from tqdm import tqdm
 
 from vigauge.cli.command import LOG
 from vigauge.covariance.consistency import chi_square
-from vigauge.errors import ConfigError
 from vigauge.files import write_json, write_rows
 from vigauge.model.archive import load_problems, load_states, save_states
-from vigauge.model.problem import Problem
 from vigauge.observability.diagnosis import diagnose
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper.experiments.interleaved import (
@@ -30,26 +28,12 @@ from vigauge_paper.experiments.interleaved import (
     timing_row,
     trace_rows,
 )
+from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import GAUGES, HEADLINE
 from vigauge_paper.prior import gauges as gauges_of
 from vigauge_paper.run.artefacts import add_prior, add_solver
 from vigauge_paper.run.machine import describe_machine, versions
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
-
-
-def _trials(problems: list[Problem], noise: dict[str, dict[str, float]]) -> dict[str, list[Trial]]:
-    """Trials by noise model; the headline model comes first. No models: noise as in the file."""
-    if not noise:
-        return {HEADLINE: [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(problems)]}
-    if HEADLINE not in noise:
-        raise ConfigError("config section 'noise'", "must have a model 'headline'", value=sorted(noise))
-    names = [HEADLINE, *(name for name in noise if name != HEADLINE)]
-    return {
-        name: [
-            Trial({"noise": name, "trial": i}, p.with_noise(**noise[name])) for i, p in enumerate(problems)
-        ]
-        for name in names
-    }
 
 
 def _consistency(timed: TimedSolve) -> dict[str, object]:
@@ -77,14 +61,15 @@ def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
     gauges = gauges_of(options.prior_weight, options.prior_reading)
     truth = load_states(options.truth)[0]
-    trials = _trials(load_problems(options.problems), options.noise)
+    models = under_noise(load_problems(options.problems), options.noise)
 
     def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
         return tqdm(trials, desc="solve", unit="trial", leave=False, disable=None)
 
     first: list[TimedSolve] = []
     timed: list[TimedSolve] = []
-    for name, group in trials.items():
+    for name, problems in models.items():
+        group = [Trial({"noise": name, "trial": index}, problem) for index, problem in enumerate(problems)]
         repeats = options.repeats if name == HEADLINE else 1
         solves = solve_interleaved(
             group, gauges, solver, clock=time.perf_counter, repeats=repeats, progress=bar
@@ -95,7 +80,7 @@ def work(options: argparse.Namespace) -> None:
     rows = [solution_row(s, truth) | _consistency(s) for s in first]
     write_rows(options.solutions, rows)
     write_rows(options.trace, [row for s in first for row in trace_rows(s)])
-    shown = [s for s in first if s.trial.labels == {"noise": HEADLINE, "trial": 0} and s.gauge in GAUGES]
+    shown = [s for s in first if s.trial.labels["trial"] == 0 and s.gauge in GAUGES]
     save_states(options.states, [s.solution.state for s in shown], [s.solution.status for s in shown])
     write_rows(options.timing, [timing_row(s) for s in timed])
     write_json(options.machine, {"machine": machine, "versions": versions()})
@@ -117,7 +102,10 @@ def main() -> None:
     arguments.add_argument("--solutions", type=Path, required=True, help="output: a row a solve")
     arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
     arguments.add_argument(
-        "--states", type=Path, required=True, help="output: estimates of trial 0, a gauge each"
+        "--states",
+        type=Path,
+        required=True,
+        help="output: estimates of trial 0, a noise model and gauge each",
     )
     arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
     arguments.add_argument("--machine", type=Path, required=True, help="output: what it ran on")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import csv
 from pathlib import Path
 
 from vigauge.cli.command import LOG
 from vigauge.errors import DataError
 from vigauge.files import write_rows, write_text
-from vigauge_paper.experiments.windows import COMPARED, summarise
+from vigauge_paper.experiments.windows import COMPARED, DISTANCES, summarise, window_rows
 from vigauge_paper.ids import STAND_IN
-from vigauge_paper.run.stage import parser, run
+from vigauge_paper.run.stage import json_argument, parser, run
 from vigauge_paper.tables import markdown
 
 _SHOWN = (
@@ -22,8 +21,7 @@ _SHOWN = (
     "gauge",
     "iterations",
     *(name for error in COMPARED for name in (f"start_{error}", error)),
-    "relative_frobenius_same_point",
-    "relative_frobenius_converged",
+    *DISTANCES,
 )
 
 
@@ -35,10 +33,7 @@ def _cell(text: str) -> object:
 
 
 def work(options: argparse.Namespace) -> None:
-    rows: list[dict[str, str]] = []
-    for file in options.rows:
-        with file.open(encoding="utf-8", newline="") as stream:
-            rows += csv.DictReader(stream)
+    rows = [row for name, about in options.windows.items() for row in window_rows(options.data, name, about)]
     if not rows:
         raise DataError("windows", "there must be at least one window", value=0)
     write_rows(options.output, [{**row, "source": options.source} for row in rows])
@@ -66,7 +61,10 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--rows", type=Path, nargs="+", required=True, help="CSV of each window")
+    arguments.add_argument(
+        "--windows", type=json_argument, required=True, help="start_s, end_s and truth of each, by name"
+    )
+    arguments.add_argument("--data", type=Path, required=True, help="folder of their checks and results")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
     arguments.add_argument("--output", type=Path, required=True, help="output: CSV; Markdown goes beside it")
     arguments.add_argument("--summary", type=Path, required=True, help="output: start against optimum")

@@ -4,13 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from vigauge.errors import ConfigError
 from vigauge.gauge.gauges import Gauge
 from vigauge.model.evaluation import trajectory_errors
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge_paper.ids import HEADLINE
 
 Row = dict[str, object]
+
+
+def under_noise(
+    problems: Iterable[Problem], noise: Mapping[str, Mapping[str, float]]
+) -> dict[str, list[Problem]]:
+    """Problems by noise model, the headline model first. No models: noise as in the problems."""
+    problems = list(problems)
+    if not noise:
+        return {HEADLINE: problems}
+    if HEADLINE not in noise:
+        raise ConfigError("config section 'noise'", "must have a model 'headline'", value=sorted(noise))
+    names = [HEADLINE, *(name for name in noise if name != HEADLINE)]
+    return {name: [problem.with_noise(**noise[name]) for problem in problems] for name in names}
 
 
 def solve_all(

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -31,7 +32,9 @@ def stage(name: str, *flags: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
-def solve(folder: Path, problem: Problem, **options: float) -> subprocess.CompletedProcess[str]:
+def solve(
+    folder: Path, problem: Problem, noise: dict[str, Any] | None = None, **options: float
+) -> subprocess.CompletedProcess[str]:
     save_problems(folder / "problems.npz", [problem])
     save_states(folder / "truth.npz", [problem.initial])
     outputs = {
@@ -58,14 +61,16 @@ def solve(folder: Path, problem: Problem, **options: float) -> subprocess.Comple
         ),
         *("--solver", json.dumps(asdict(Options()) | options)),
         *(part for name, file in outputs.items() for part in (f"--{name}", file)),
+        *("--noise", json.dumps(noise or {})),
     )
 
 
-def covariance(folder: Path) -> subprocess.CompletedProcess[str]:
+def covariance(folder: Path, noise: dict[str, Any] | None = None) -> subprocess.CompletedProcess[str]:
     return stage(
         "covariance",
         *("--problems", folder / "problems.npz", "--states", folder / "states.npz"),
         *("--prior-weight", 1e5, "--prior-reading", "information", "--output", folder / "covariance.npz"),
+        *("--distances", folder / "covariance.csv", "--noise", json.dumps(noise or {})),
     )
 
 
@@ -164,6 +169,25 @@ def test_regular_problems_have_an_empty_reason(tmp_path: Path) -> None:
     assert covariance(tmp_path).returncode == 0
     arrays = load_arrays(tmp_path / "covariance.npz")
     assert str(arrays["withheld"]) == "" and arrays["free"].shape == (72, 72)
+
+
+def test_distances_are_those_of_each_noise_model_at_its_own_optimum(tmp_path: Path) -> None:
+    """The headline's estimates or noise under the name of another model."""
+    problem = d.problem_of()
+    start = problem.initial.retract(np.full(problem.initial.n_parameters, 0.001))
+    problem = problem.with_initial(start)
+    models = {"consistent": {"sigma_px": 0.5, "density_factor": 0.5}}
+    models["headline"] = {"sigma_px": 1.0, "density_factor": 1.0}
+    names = ["relative_frobenius_same_point", "relative_frobenius_converged", "relative_frobenius_prior"]
+    found = {}
+    for headline, noise in (("both", models), ("consistent", {"headline": models["consistent"]})):
+        (tmp_path / headline).mkdir()
+        assert solve(tmp_path / headline, problem, noise).returncode == 0
+        assert covariance(tmp_path / headline, noise).returncode == 0
+        found[headline] = pd.read_csv(tmp_path / headline / "covariance.csv").set_index("noise")[names]
+    assert list(found["both"].index) == ["headline", "consistent"]
+    assert list(found["both"].loc["consistent"]) == list(found["consistent"].loc["headline"])
+    assert found["both"].loc["consistent", names[1]] != found["both"].loc["headline", names[1]]
 
 
 def test_states_without_a_status_are_refused(tmp_path: Path) -> None:

@@ -128,6 +128,8 @@ def test_report_is_written_unless_the_recording_is_unusable(folder: Path, tmp_pa
     assert run_program(folder, "--output", str(report), "--log", str(log)).returncode == 2
     assert not report.exists()
     assert "specific force must be in m/s^2" in log.read_text()
+    assert run_program(folder, "--output", str(report), "--accept-errors").returncode == 0
+    assert json.loads(report.read_text())["exit_status"] == 2
 
 
 # Case 7

@@ -176,7 +176,9 @@ def test_what_cannot_be_used_is_one_clear_error(rendered, change: dict[str, Any]
         build_problem(rendered.sequence, rendered.truth, FrontEndSettings.from_mapping(FLOW | change))
 
 
-def stage(folder: Path, out: Path, settings: dict[str, Any]) -> subprocess.CompletedProcess[str]:
+def stage(
+    folder: Path, out: Path, settings: dict[str, Any], **more: Path
+) -> subprocess.CompletedProcess[str]:
     truth = folder / "mav0" / "state_groundtruth_estimate0"
     arguments = {
         "sequence": folder,
@@ -186,6 +188,7 @@ def stage(folder: Path, out: Path, settings: dict[str, Any]) -> subprocess.Compl
         "output": out / "problem.npz",
         "truth-output": out / "truth.npz",
         "report": out / "report.json",
+        **more,
     }
     flags = [part for name, value in arguments.items() for part in (f"--{name}", str(value))]
     command = [sys.executable, "-m", "vigauge_paper.commands.front_end", *flags]
@@ -254,6 +257,29 @@ def test_stage_refuses_bad_input_in_one_line(fault: str, rendered, tmp_path: Pat
     assert done.returncode == 2
     assert word in done.stderr and "Traceback" not in done.stderr
     assert not out.exists() or not list(out.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("errors", "settings", "stage_name", "why"),
+    [
+        ([], FLOW | {"keyframes": {"count": 40}}, "front-end", "DataError: frames: the window"),
+        ([{"check": "imu gap", "message": "is long"}], FLOW, "check", "imu gap: is long"),
+    ],
+)
+def test_accepted_refusal_is_a_report_that_says_where_and_why(
+    rendered, errors: list, settings: dict[str, Any], stage_name: str, why: str, tmp_path: Path
+) -> None:
+    """A front-end that runs on what the check refused; an archive that could pass for a problem."""
+    check = tmp_path / "check.json"
+    check.write_text(json.dumps({"errors": errors}), "utf-8")
+    done = stage(rendered.folder, tmp_path, settings, **{"accept-refusal": check})
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "report.json").read_text("utf-8"))
+    assert report["stopped_at"] == stage_name and report["why"].startswith(why)
+    with pytest.raises(DataError, match="npz archive"):
+        load_problems(tmp_path / "problem.npz")
+    misspelt = stage(rendered.folder, tmp_path, FLOW | {"trcker": 1}, **{"accept-refusal": check})
+    assert misspelt.returncode == 2 and "trcker" in misspelt.stderr
 
 
 EUROC: dict[str, dict[str, Any]] = {
