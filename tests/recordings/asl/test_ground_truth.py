@@ -9,7 +9,8 @@ import pytest
 
 from support.asl import IMU_NS
 from vigauge.errors import DataError
-from vigauge.recordings.asl.ground_truth import read_ground_truth
+from vigauge.geometry import so3
+from vigauge.recordings.asl.ground_truth import LARGEST_GAP_NS, GroundTruth, read_ground_truth
 
 
 def change(folder: Path, old: str, new: str, count: int = -1) -> None:
@@ -87,3 +88,41 @@ def test_look_up_takes_the_nearest_and_refuses_the_far(truth_folder):
         truth.nearest([IMU_NS[0], beyond])
     assert (caught.value.row, caught.value.value) == (1, beyond)
     assert caught.value.file == str(truth_folder / "data.csv")
+
+
+def motion(t_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, rotation and velocity of lively motion, in closed form."""
+    t = (t_ns - IMU_NS[0])[:, None] * 1e-9
+    rate = np.array([2.0, 3.0, 1.0])
+    R_WB = so3.exp(np.sin(2.0 * t) * [0.0, 0.0, 1.0])
+    return np.sin(rate * t), R_WB, rate * np.cos(rate * t)
+
+
+@pytest.mark.parametrize("spacing_ms", [5, 10, 50])
+def test_states_between_samples_are_interpolated(spacing_ms):
+    """Catches the state of the nearest sample, off by half a spacing of motion: 5 mm and more at 1 m/s."""
+    t_ns = IMU_NS[0] + np.arange(2000 // spacing_ms, dtype=np.int64) * spacing_ms * 1_000_000
+    p_W, R_WB, v_W = motion(t_ns)
+    truth = GroundTruth(t_ns, p_W, R_WB, v_W)
+    wanted = IMU_NS[0] + np.array([0, 256, 313_000_000, 800_000_000 + spacing_ms * 500_000, 1_702_345_678])
+    state = truth.states_at(wanted)
+    p, R, v = motion(wanted)
+    # A straight line misses by the second derivative times an eighth of the squared spacing; the cubic less.
+    miss = (1e-3 * spacing_ms) ** 2 / 8.0
+    assert np.abs(state.p_W - p).max() < miss
+    assert np.abs(so3.log(R.swapaxes(1, 2) @ state.R_WB)).max() < 5.0 * miss
+    assert np.abs(state.v_W - v).max() < 28.0 * miss
+    # Stamps of the same instant get the row itself, whatever they were rounded to.
+    assert np.array_equal(state.p_W[:2], truth.p_W[[0, 0]])
+
+
+def test_no_state_is_made_up_in_a_hole_or_outside():
+    """Catches motion drawn through a second without truth, or carried on past the last sample."""
+    t_ns = np.array(IMU_NS[:20] + [IMU_NS[19] + LARGEST_GAP_NS + 1])
+    truth = GroundTruth(t_ns, *motion(t_ns))
+    assert truth.serves(
+        np.array([IMU_NS[0] - 500, IMU_NS[3] + 17, IMU_NS[19] + 2_000, t_ns[-1] + 2_000])
+    ).tolist() == [True, True, False, False]
+    with pytest.raises(DataError, match="states 55 ms apart around it") as caught:
+        truth.states_at(np.array([IMU_NS[0], IMU_NS[19] + 20_000_000]))
+    assert (caught.value.row, caught.value.value) == (1, IMU_NS[19] + 20_000_000)

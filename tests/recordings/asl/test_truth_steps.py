@@ -13,16 +13,24 @@ from vigauge.geometry import so3
 from vigauge.model.imu import ImuSamples
 from vigauge.recordings.asl.ground_truth import GroundTruth, read_ground_truth
 from vigauge.recordings.asl.sequence import read_sequence
-from vigauge.recordings.asl.truth_steps import find_steps, steps_between, without_steps
+from vigauge.recordings.asl.truth_steps import (
+    coarseness_m,
+    find_steps,
+    step_candidates,
+    steps_between,
+    why_kept,
+    without_steps,
+)
 
 # First frame of the sequence.
 MH_01_BEGINS_NS = 1_403_636_579_763_555_584
+START_NS = 1_403_636_580_000_000_000
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 def recording(spacing_ns: int = 5_000_000, count: int = 200) -> tuple[GroundTruth, ImuSamples]:
     """Lively motion (a third of g, some rad/s), truth and inertial samples of it, biases left in."""
-    t_ns = np.arange(count, dtype=np.int64) * spacing_ns + 1_403_636_580_000_000_000
+    t_ns = np.arange(count, dtype=np.int64) * spacing_ns + START_NS
     t = (t_ns - t_ns[0]) * 1e-9
     rate = np.array([5.0, 4.0, 6.0])
     p_W = 0.1 * np.sin(np.outer(t, rate))
@@ -48,7 +56,7 @@ def test_a_sound_truth_has_none():
     assert find_steps(*recording()) == ()
 
 
-@given(row=st.integers(2, 197), direction=directions, size=st.floats(2e-3, 0.5))
+@given(row=st.integers(2, 197), direction=directions, size=st.floats(2e-3, 0.05))
 def test_a_step_is_found_and_taken_out(row, direction, size):
     """Catches a step of the wrong sign, place or size, or its shadow counted as another one."""
     truth, samples = recording()
@@ -126,6 +134,49 @@ def test_outside_the_inertial_samples_nothing_is_judged():
     late = ImuSamples(samples.t_ns + 10**10, samples.gyro, samples.accel)
     assert find_steps(truth, late) is None
     assert without_steps(truth, None) is truth
+
+
+def walk(count: int = 14_000) -> tuple[GroundTruth, ImuSamples]:
+    """7 m at 0.1 m/s, truth of 200 Hz."""
+    t_ns = START_NS + np.arange(count, dtype=np.int64) * 5_000_000
+    p_W = np.outer((t_ns - t_ns[0]) * 1e-9, [0.1003, 0.0, 0.0])
+    R_WB = np.tile(np.eye(3), (count, 1, 1))
+    samples = ImuSamples(t_ns, np.zeros_like(p_W), np.tile(-GRAVITY, (count, 1)))
+    return GroundTruth(t_ns, p_W, R_WB, np.zeros_like(p_W)), samples
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda p: np.round(p, 2), "given to 0.01 m only"),
+        (lambda p: 500_000.0 + np.round(p, 1), "given to 0.1 m only"),
+        (lambda p: p[np.arange(len(p)) // 10 * 10], "90 % of its positions repeat the one before"),
+    ],
+    ids=["2 decimals", "UTM, 1 decimal", "held between updates"],
+)
+def test_updates_of_a_coarse_truth_are_not_taken_out(spoil, words):
+    """Catches a path that vanishes: of 7 m, 6.98 m were taken for steps."""
+    truth, samples = walk()
+    coarse = replace(truth, p_W=spoil(truth.p_W))
+    steps = step_candidates(coarse, samples)
+    assert words in why_kept(coarse, steps)
+    assert without_steps(coarse, find_steps(coarse, samples)) is coarse
+
+
+def test_a_step_that_is_half_of_the_path_is_left_in():
+    """Catches a path cut in half on the word of one sample."""
+    truth, samples = recording()
+    spoilt = stepped(truth, 100, np.array([0.5, 0.0, 0.0]))
+    assert find_steps(spoilt, samples) is None
+    assert "1 jumps in 0.995 s make up 0.5 m" in why_kept(spoilt, step_candidates(spoilt, samples))
+
+
+def test_fine_positions_are_on_no_grid():
+    """Catches a truth of full precision, or one that rests, called coarse."""
+    truth, _ = walk()
+    assert coarseness_m(recording()[0]) == 0.0
+    assert coarseness_m(replace(truth, p_W=np.zeros_like(truth.p_W))) == 0.0
+    assert coarseness_m(replace(truth, p_W=np.round(truth.p_W, 4))) == 0.0
 
 
 def test_only_steps_inside_a_window_change_its_path():

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation, Slerp
 
 from ...errors import DataError
 from ...geometry import so3
@@ -17,6 +19,10 @@ from .tables import read_table
 
 _POSE_COLUMNS, _STATE_COLUMNS = 8, 17
 _QUATERNION_TOLERANCE = 1e-3
+# Stamps of one instant differ by rounding: 256 ns where they passed through a double.
+_SAME_INSTANT_NS = 1_000
+# A truth of 20 Hz and its jitter. Over it, a turn that speeds up by 5 rad/s^2 is interpolated to 2 mrad.
+LARGEST_GAP_NS = 55_000_000
 
 
 @dataclass(frozen=True)
@@ -60,12 +66,50 @@ class GroundTruth:
             )
         return index
 
+    def serves(self, t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(N,) stamps with a state at their instant, or between two states LARGEST_GAP_NS apart at most."""
+        after = np.clip(np.searchsorted(self.t_ns, t_ns), 1, max(len(self.t_ns) - 1, 1))
+        after = np.minimum(after, len(self.t_ns) - 1)
+        before = np.maximum(after - 1, 0)
+        between = (self.t_ns[before] <= t_ns) & (t_ns <= self.t_ns[after])
+        between &= self.t_ns[after] - self.t_ns[before] <= LARGEST_GAP_NS
+        same = nearest_index(self.t_ns, t_ns)[1] <= _SAME_INSTANT_NS
+        return np.asarray(between | same)
+
     def states_at(self, t_ns: NDArray[np.int64]) -> State:
-        """True motion at keyframe stamps (N,), without landmarks; DataError where it has no velocities."""
+        """True motion at keyframe stamps (N,), without landmarks.
+
+        A state of the same instant is taken as it is. Between states, positions follow the cubic that
+        meets positions and velocities, velocities the straight line, rotations the great circle (SLERP).
+
+        Raises
+        ------
+        DataError
+            where the truth has no velocities, or has no states near enough (:meth:`serves`).
+        """
         if self.v_W is None:
             raise DataError(self.source, "ground truth for evaluation must have velocities (17 columns)")
-        row = self.nearest(t_ns)
-        return State.start(self.p_W[row], self.R_WB[row], self.v_W[row], np.zeros((0, 3)))
+        t_ns = np.asarray(t_ns, dtype=np.int64)
+        missing = ~self.serves(t_ns)
+        if np.any(missing):
+            k = int(np.argmax(missing))
+            rule = (
+                f"must have a state at each keyframe, or states {LARGEST_GAP_NS / 1e6:g} ms apart around it"
+            )
+            raise DataError(self.source, rule, row=k, field="timestamp", value=int(t_ns[k]))
+        row, distance = nearest_index(self.t_ns, t_ns)
+        p_W, R_WB, v_W = self.p_W[row], self.R_WB[row], self.v_W[row]
+        off = distance > _SAME_INSTANT_NS
+        if np.any(off):
+            first = int(np.searchsorted(self.t_ns, t_ns[off][0])) - 1
+            last = int(np.searchsorted(self.t_ns, t_ns[off][-1])) + 1
+            part = slice(max(first, 0), last)
+            seconds = (self.t_ns[part] - t_ns[off][0]) * 1e-9
+            wanted = (t_ns[off] - t_ns[off][0]) * 1e-9
+            p_W[off] = CubicHermiteSpline(seconds, self.p_W[part], self.v_W[part])(wanted)
+            v_W[off] = np.column_stack([np.interp(wanted, seconds, v) for v in self.v_W[part].T])
+            R_WB[off] = Slerp(seconds, Rotation.from_matrix(self.R_WB[part]))(wanted).as_matrix()
+        return State.start(p_W, R_WB, v_W, np.zeros((0, 3)))
 
 
 def read_ground_truth(folder: Path, *, sort: bool = False) -> GroundTruth:

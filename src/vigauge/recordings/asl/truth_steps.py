@@ -22,6 +22,11 @@ SMALLEST_M = 1e-3
 # A step is so many times the usual change between samples; it makes two changes of opposite sign, of which
 # the sum is at most so much of the difference; and next to them changes are below so much of the limit.
 _ABOVE_NOISE, _BALANCE, _CALM = 6.0, 0.5, 0.4
+# Steps are a flaw here and there. Where there are more, they are how the truth was written: with few
+# decimals, or with values held between updates. Its motion is in its steps then, and none may be taken out.
+MOST_A_SECOND, LARGEST_SHARE, _ALWAYS_FEW = 1.0, 0.1, 3
+# Positions on a decimal grid of a millimetre or more, m.
+_GRIDS_M = (1.0, 0.1, 0.01, 0.001)
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,42 @@ class TruthStep:
 
 
 def find_steps(
+    truth: GroundTruth, samples: ImuSamples, gravity: float = 9.81
+) -> tuple[TruthStep, ...] | None:
+    """Steps that may be taken out, in order of time; None where nothing can be judged, or
+    :func:`why_kept` has a reason.
+    """
+    steps = step_candidates(truth, samples, gravity)
+    return None if steps is None or why_kept(truth, steps) else steps
+
+
+def coarseness_m(truth: GroundTruth) -> float:
+    """The decimal grid, 1 mm to 1 m, that all positions lie on; 0 where there is none, or nothing moves."""
+    p_W = truth.p_W - np.round(truth.p_W[0])
+    on_grid = (g for g in _GRIDS_M if np.all(np.abs(p_W / g - np.round(p_W / g)) < 1e-6))
+    return next(on_grid, 0.0) if np.any(np.ptp(truth.p_W, axis=0) > 0.0) else 0.0
+
+
+def why_kept(truth: GroundTruth, steps: tuple[TruthStep, ...]) -> str:
+    """Why these steps must not be taken out, in words; empty where they may be."""
+    if not steps:
+        return ""
+    seconds = float(truth.t_ns[-1] - truth.t_ns[0]) * 1e-9
+    moves = np.linalg.norm(np.diff(truth.p_W, axis=0), axis=1)
+    path, length = float(np.sum(moves)), sum(step.length_m for step in steps)
+    many = len(steps) > max(_ALWAYS_FEW, MOST_A_SECOND * seconds)
+    if not many and length <= LARGEST_SHARE * path:
+        return ""
+    grid = coarseness_m(truth)
+    held = float(np.mean(moves == 0.0))
+    cause = f"its positions are given to {grid:g} m only" if grid else ""
+    if not grid and held > 0.5:
+        cause = f"{100 * held:.0f} % of its positions repeat the one before"
+    counts = f"{len(steps)} jumps in {seconds:.3g} s make up {length:.3g} m of {path:.3g} m of path"
+    return f"{counts}: {cause}" if cause else counts
+
+
+def step_candidates(
     truth: GroundTruth, samples: ImuSamples, gravity: float = 9.81
 ) -> tuple[TruthStep, ...] | None:
     """Steps of a millimetre or more, in order of time; None where no samples are near enough and covered.
