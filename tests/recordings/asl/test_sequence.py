@@ -12,7 +12,7 @@ from support.asl import FRAME_NS, IMU_NS
 from vigauge.errors import DataError
 from vigauge.recordings.asl.ground_truth import read_ground_truth
 from vigauge.recordings.asl.images import read_image
-from vigauge.recordings.asl.sequence import read_sequence
+from vigauge.recordings.asl.sequence import read_imu, read_sequence
 
 
 def change(path: Path, old: str, new: str) -> None:
@@ -157,6 +157,29 @@ def test_gyroscope_and_accelerometer_exchanged_are_refused(sequence_folder):
     assert "last three columns" in refused(sequence_folder).rule
     change(sequence_folder / "mav0" / "imu0" / "data.csv", "w_RS_S_x", "a_RS_S_x")
     assert refused(sequence_folder).field == "header"
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "ang_vel_{},lin_acc_{}",
+        "angular_velocity_{},linear_acceleration_{}",
+        "field.angular_velocity.{},field.linear_acceleration.{}",
+        "gyro_{} [rad/s],accel_{} [m/s^2]",
+        "omega_{},f_{}",
+    ],
+)
+def test_imu_columns_have_names_in_many_spellings(sequence_folder, names):
+    """Catches an angular velocity refused because its name begins with an a, and exchanged ones let pass."""
+    path = sequence_folder / "mav0" / "imu0" / "data.csv"
+    rows = path.read_text().splitlines()[1:]
+    gyro, accel = (",".join(name.format(axis) for axis in "xyz") for name in names.split(","))
+    path.write_text("\n".join([f"#timestamp,{gyro},{accel}", *rows]))
+    assert len(read_imu(path)[0].t_ns) == 40
+    path.write_text("\n".join([f"#timestamp,{accel},{gyro}", *rows]))
+    with pytest.raises(DataError, match="columns must be stamp, angular velocity") as caught:
+        read_imu(path)
+    assert (caught.value.row, caught.value.field) == (1, "header")
 
 
 def test_gyroscope_in_degrees_is_refused_when_it_shows(sequence_folder):

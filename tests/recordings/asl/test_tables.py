@@ -133,6 +133,13 @@ def test_stamps_that_count_from_power_on_are_nanoseconds(tmp_path):
         assert len(read(tmp_path, rows).t_ns) == 100
 
 
+@pytest.mark.parametrize("start", [950 * 10**9, 2_000 * 10**9, 2 * 10**15, 1_700_000_000])
+def test_a_short_recording_long_after_power_on_is_in_nanoseconds(tmp_path, start):
+    """Catches a nanosecond clock taken for a date in ms or us: 33 minutes or 23 days after power-on."""
+    rows = "".join(f"{start + 5_000_000 * k},1,2\n" for k in range(400))
+    assert len(read(tmp_path, rows).t_ns) == 400
+
+
 def test_unsorted_stamps_are_refused(tmp_path):
     error = refused(tmp_path, f"#t,x,y\n{T0},1,2\n{T0 - 1},1,2\n")
     assert (error.row, error.value) == (3, T0 - 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,8 +15,11 @@ import numpy as np
 import pytest
 import yaml
 
+from vigauge.errors import DataError
 from vigauge.geometry import so3
+from vigauge.recordings.asl.ground_truth import read_ground_truth
 from vigauge.recordings.asl.images import read_image
+from vigauge.recordings.asl.sequence import read_sequence
 from vigauge.recordings.checks.findings import Findings
 from vigauge.recordings.checks.sequence import Window, check_sequence
 from vigauge.recordings.checks.vision import Effort
@@ -270,6 +274,202 @@ def test_jump_of_the_truth_is_warned_of(folder: Path) -> None:
     (message,) = messages(found, "warning")
     assert "jumps 1 times between samples, by up to 4.0 mm" in message
     assert len(found.facts[TRUTH]["steps"]) == 1
+
+
+def edit_columns(folder: Path, change: Callable[[np.ndarray], None]) -> None:
+    """Change the numbers after the stamp of every row of the truth, in place."""
+
+    def edit(row: list[str]) -> list[str]:
+        values = np.array(row[1:], dtype=float)
+        change(values)
+        return [row[0], *(repr(float(x)) for x in values)]
+
+    edit_rows(folder, TRUTH, edit)
+
+
+def _exchanged(row: np.ndarray) -> None:
+    row[10:16] = np.concatenate([row[13:16], row[10:13]])
+
+
+def _in_body(row: np.ndarray) -> None:
+    row[7:10] = so3.from_quaternion(row[3:7]).T @ row[7:10]
+
+
+def _times(columns: slice, factor: float) -> Callable[[np.ndarray], None]:
+    def change(row: np.ndarray) -> None:
+        row[columns] *= factor
+
+    return change
+
+
+@pytest.fixture
+def inertial_folder(folder: Path) -> Path:
+    """The same recording without cameras, which is checked in no time."""
+    for camera in ("cam0", "cam1"):
+        shutil.rmtree(folder / "mav0" / camera)
+    return folder
+
+
+def test_inertial_sensor_and_truth_are_checked_without_images(inertial_folder: Path) -> None:
+    """Errors for cameras that nobody has; or checks that do not need them left out."""
+    program = run_program(inertial_folder)
+    assert program.returncode == 0 and "not checked: images" in program.stdout, program.stdout
+    facts = check(inertial_folder).facts
+    assert facts["imu0"]["gravity_mps2"] == pytest.approx(9.81, abs=0.8)
+    assert facts[TRUTH]["gyro_axes_deg"] < 0.1 and facts[TRUTH]["frames_outside"] == 0
+    edit_rows(inertial_folder, TRUTH, lambda row: [*row[:4], *row[5:8], row[4], *row[8:]])
+    assert run_program(inertial_folder).returncode == 2
+
+
+def test_window_without_images_counts_from_the_first_sample(inertial_folder: Path) -> None:
+    found = check(inertial_folder, window=Window(start_s=1.0, end_s=2.5))
+    assert found.exit_status == 0, found.lines()
+    (message,) = messages(check(inertial_folder, window=Window(start_s=100.0)), "error")
+    assert "[window] 0 samples of imu0" in message
+
+
+@pytest.mark.parametrize(
+    ("spacings_ms", "words"),
+    [((1, 9), "1 to 9 ms apart, 5 ms"), ((1, 1, 4), "1 to 4 ms apart, 2 ms"), ((2, 2, 2, 14), "2 to 14 ms")],
+    ids=str,
+)
+def test_samples_in_bursts_are_warned_of(
+    inertial_folder: Path, spacings_ms: tuple[int, ...], words: str
+) -> None:
+    """Stamps of arrival, whose mean rate is right and whose every step is wrong; no gap is made of them."""
+    total, rows = sum(spacings_ms), iter(range(10**6))
+
+    def change(row: list[str]) -> list[str]:
+        k = next(rows)
+        late = k // len(spacings_ms) * total + sum(spacings_ms[: k % len(spacings_ms)])
+        row[0] = str(START_NS - 1_000_000_000 + late * 1_000_000)
+        return row
+
+    edit_rows(inertial_folder, "imu0", change)
+    path = inertial_folder / "mav0" / "imu0" / "sensor.yaml"
+    path.write_text(path.read_text().replace("rate_hz: 200", f"rate_hz: {1e3 * len(spacings_ms) / total:g}"))
+    found = check(inertial_folder, truths=[])
+    (message,) = messages(found, "warning")
+    assert "[imu bursts]" in message and words in message
+    assert found.exit_status == 1, found.lines()
+    assert found.facts["imu0"]["rate_hz"] == pytest.approx(1e3 * len(spacings_ms) / total, rel=1e-6)
+
+
+def test_a_second_of_bursts_is_found_in_a_steady_recording(inertial_folder: Path) -> None:
+    """A median that says that most of the recording is well."""
+
+    def change(row: list[str]) -> list[str]:
+        t = int(row[0])
+        if 0 <= t - START_NS < 1_000_000_000 and t // 5_000_000 % 2:
+            row[0] = str(t - 4_000_000)
+        return row
+
+    edit_rows(inertial_folder, "imu0", change)
+    (message,) = messages(check(inertial_folder, truths=[]), "warning")
+    assert "[imu bursts]" in message and re.search("in [12] of [45] s", message), message
+
+
+@pytest.mark.parametrize(
+    ("column", "words"),
+    [(1, "the gyroscope's x axis"), (3, "the gyroscope's z axis"), (5, "the accelerometer's y axis")],
+    ids=["gyro x", "gyro z", "accel y"],
+)
+def test_flat_tops_of_a_saturated_sensor_are_told(inertial_folder: Path, column: int, words: str) -> None:
+    """Turns cut off at the range of the sensor: every value is possible, their integral is not."""
+    table = np.loadtxt(inertial_folder / "mav0" / "imu0" / "data.csv", delimiter=",")
+    largest = float(np.quantile(table[:, column], 0.95))
+
+    def change(row: list[str]) -> list[str]:
+        row[column] = repr(min(float(row[column]), largest))
+        return row
+
+    edit_rows(inertial_folder, "imu0", change)
+    found = messages(check(inertial_folder, truths=[]), "error")
+    assert len(found) == 1 and f"[saturated] {words} stands at {largest:.4g}" in found[0], found
+
+
+def test_inertial_sensor_that_hangs_is_told(inertial_folder: Path) -> None:
+    """A driver that repeats its last sample under new stamps."""
+    held: list[str] = []
+
+    def change(row: list[str]) -> list[str]:
+        nonlocal held
+        if 0 <= int(row[0]) - START_NS <= 100_000_000:
+            held = held or row[1:]
+            return [row[0], *held]
+        return row
+
+    edit_rows(inertial_folder, "imu0", change)
+    (message,) = messages(check(inertial_folder, truths=[]), "error")
+    assert f"repeats all six values 21 times from {START_NS} ns on" in message
+
+
+@pytest.mark.parametrize(
+    ("change", "check_name", "words"),
+    [
+        (_exchanged, "truth biases", "gyroscope and accelerometer look exchanged"),
+        (_times(slice(10, 13), -1.0), "truth biases", "of the other sign"),
+        (_times(slice(10, 16), 0.0), "truth biases", "they are zeros"),
+        (_times(slice(10, 13), 180.0 / np.pi), "truth biases", "look like deg/s"),
+        (_in_body, "truth velocity", "velocities in body axes"),
+        (_times(slice(7, 10), 0.0), "truth velocity", "they are zeros"),
+        (_times(slice(7, 10), 1e3), "truth velocity", "look 1e+03 times too large"),
+    ],
+    ids=["exchanged", "sign", "no biases", "deg/s", "body axes", "no velocities", "mm/s"],
+)
+def test_columns_of_the_truth_are_checked_before_they_are_trusted(
+    inertial_folder: Path, change: Callable[[np.ndarray], None], check_name: str, words: str
+) -> None:
+    """Biases and velocities that pass for good ones, and bend every result."""
+    edit_columns(inertial_folder, change)
+    found = [message for message in messages(check(inertial_folder), "error") if f"[{check_name}]" in message]
+    assert len(found) == 1 and words in found[0], found
+
+
+def test_accelerometer_biases_that_are_off_are_warned_of(inertial_folder: Path) -> None:
+    """Biases of the accelerometer alone, which no turn shows."""
+
+    def change(row: np.ndarray) -> None:
+        row[13:16] += [0.2, -0.1, 0.1]
+
+    edit_columns(inertial_folder, change)
+    (message,) = messages(check(inertial_folder), "warning")
+    assert "[truth biases] the accelerometer biases of" in message and "the motion says" in message
+
+
+def test_coarse_truth_is_named_and_left_as_it_is(inertial_folder: Path) -> None:
+    """Every update of a position with two decimals counted as a jump, and taken out."""
+
+    def change(row: np.ndarray) -> None:
+        row[:3] = np.round(row[:3], 2)
+
+    edit_columns(inertial_folder, change)
+    found = messages(check(inertial_folder), "warning")
+    assert any("[truth values]" in m and "given to 0.01 m only" in m for m in found), found
+    assert not any("taken out before" in m for m in found), found
+
+
+@pytest.mark.parametrize(("every", "missing"), [(1, 0), (10, 0), (20, 24)], ids=["200 Hz", "20 Hz", "10 Hz"])
+def test_check_says_where_the_front_end_finds_no_truth(folder: Path, every: int, missing: int) -> None:
+    """Truth whose stamps lie between those of the camera: good to 55 ms, refused beyond."""
+    rows = iter(range(10**6))
+
+    def change(row: list[str]) -> list[str] | None:
+        row[0] = str(int(row[0]) + 1_500_000)
+        return row if next(rows) % every == 0 else None
+
+    edit_rows(folder, TRUTH, change)
+    found = check(folder)
+    assert found.facts[TRUTH]["frames_outside"] >= missing, found.lines()
+    said = [m for m in messages(found, "error") + messages(found, "warning") if "does not cover" in m]
+    assert len(said) == (missing > 0), found.lines()
+    truth = read_ground_truth(folder / "mav0" / TRUTH)
+    frames = read_sequence(folder).frames.t_ns
+    if missing:
+        with pytest.raises(DataError, match="states 55 ms apart"):
+            truth.states_at(frames)
+    else:
+        assert len(truth.states_at(frames).p_W) == len(frames)
 
 
 # Case 15

@@ -15,7 +15,7 @@ from ...geometry import so3
 from ...geometry.so3 import Array
 from ...model.state import State
 from .nearest import nearest_index
-from .tables import read_table
+from .tables import FASTEST_SAMPLES_NS, read_table
 
 _POSE_COLUMNS, _STATE_COLUMNS = 8, 17
 _QUATERNION_TOLERANCE = 1e-3
@@ -119,7 +119,9 @@ def read_ground_truth(folder: Path, *, sort: bool = False) -> GroundTruth:
     gyroscope bias, accelerometer bias. ``sort`` puts rows in order of time; without it,
     rows out of order are an error.
     """
-    table = read_table(Path(folder) / "data.csv", (_POSE_COLUMNS, _STATE_COLUMNS), sort=sort)
+    table = read_table(
+        Path(folder) / "data.csv", (_POSE_COLUMNS, _STATE_COLUMNS), sort=sort, fastest_ns=FASTEST_SAMPLES_NS
+    )
     _require_w_first(table.path, table.columns)
     values = table.numbers()
     quaternion = values[:, 3:7]

@@ -13,7 +13,7 @@ from ...geometry.camera import Camera
 from ...model.imu import ImuNoise, ImuSamples
 from .calibration import read_camera, read_imu_noise
 from .nearest import nearest_index
-from .tables import Table, read_table
+from .tables import FASTEST_SAMPLES_NS, Table, read_table
 
 # The two cameras are triggered together; their stamps may differ by rounding only.
 STEREO_TOLERANCE_NS = 10_000
@@ -156,12 +156,20 @@ def _image_paths(table: Table, rows: NDArray[np.intp]) -> tuple[Path, ...]:
     return tuple(paths)
 
 
+def _quantity(name: str) -> str:
+    """What a column measures by its name (w_x, ang_vel_x, linear_acceleration.x): gyro, accel or nothing."""
+    low = name.strip().lower()
+    for words, quantity in ((("ang", "gyr", "omega"), "gyro"), (("acc", "lin", "force"), "accel")):
+        if any(word in low for word in words):
+            return quantity
+    return {"w": "gyro", "g": "gyro", "a": "accel", "f": "accel"}.get(low[:1], "")
+
+
 def read_imu(path: Path, sort: bool = False) -> tuple[ImuSamples, Table]:
     """Inertial samples, and the table they come from with its counts. DataError as above."""
-    table = read_table(path, (7,), drop_repeated=True, sort=sort)
-    for k, wrong in ((1, ("a",)), (4, ("w", "g"))):
-        name = table.columns[k] if k < len(table.columns) else ""
-        if name.lower().startswith(wrong):
+    table = read_table(path, (7,), drop_repeated=True, sort=sort, fastest_ns=FASTEST_SAMPLES_NS)
+    for k, name in enumerate(table.columns[1:7], start=1):
+        if _quantity(name) == ("accel" if k <= 3 else "gyro"):
             rule = "columns must be stamp, angular velocity (w), specific force (a)"
             raise DataError(path, rule, row=1, field="header", value=name)
     values = table.numbers()

@@ -29,10 +29,16 @@ _QUIET_SAMPLES, _NOISE_FACTOR = 40, 25.0
 
 @dataclass(frozen=True)
 class Rest:
-    """``share`` of half-second blocks in which nothing moves, and the mean force (B, 3) of each, m/s^2."""
+    """``share`` of half-second blocks in which nothing moves; of each the mean rate and force (B, 3), SI."""
 
     share: float
+    rate_B: Array
     force_B: Array
+
+    @property
+    def gyro_bias(self) -> Array | None:
+        """(3,) rad/s: what the gyroscope reads at rest; None without rest."""
+        return np.median(self.rate_B, axis=0) if len(self.rate_B) else None
 
 
 def _blocks(values: Array, length: int) -> Array:
@@ -69,11 +75,11 @@ def find_rest(samples: ImuSamples) -> Rest:
     gyro, accel = (_blocks(values, short).mean(axis=1) for values in (samples.gyro, samples.accel))
     gyro, accel = (_blocks(values, round(_BLOCK_S / _AVERAGE_S)) for values in (gyro, accel))
     if not len(gyro):
-        return Rest(0.0, np.empty((0, 3)))
+        return Rest(0.0, np.empty((0, 3)), np.empty((0, 3)))
     mean = accel.mean(axis=1)
     quiet = np.linalg.norm(gyro.std(axis=1), axis=1) < _REST_RATE_RADPS
     quiet &= np.linalg.norm(accel.std(axis=1), axis=1) < _REST_FORCE_SHARE * np.linalg.norm(mean, axis=1)
-    return Rest(float(np.mean(quiet)), mean[quiet])
+    return Rest(float(np.mean(quiet)), gyro.mean(axis=1)[quiet], mean[quiet])
 
 
 def moving_gravity(samples: ImuSamples, gyro_bias: Array) -> float:

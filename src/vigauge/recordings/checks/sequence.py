@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import DataError, VigaugeError
 from ...geometry.camera import Camera
+from ...geometry.so3 import Array
 from ...model.imu import ImuNoise, ImuSamples
 from ..asl.calibration import read_camera, read_imu_noise, read_sensor_yaml
 from ..asl.ground_truth import read_ground_truth
@@ -21,11 +22,11 @@ from ..frontend.opencv import one_thread
 from .findings import Findings
 from .inertial import check_gravity, check_noise, find_rest
 from .rig import check_calibration, check_frozen, check_motion, check_stereo
+from .samples import check_samples
 from .stamps import (
     CAMERA_RATE_HZ,
     IMU_RATE_HZ,
     check_coverage,
-    check_imu_gaps,
     check_partners,
     check_rate,
 )
@@ -82,11 +83,36 @@ def check_sequence(
     if not mav.is_dir():
         out.error("files", str(DataError(mav, "sequence folder must exist and contain mav0")))
         return out
+    if not any((mav / camera).exists() for camera in ("cam0", "cam1")):
+        _check_without_images(mav, truths, window or Window(), sort, out)
+        return out
     parts = _read_parts(mav, sort, out)
     inertial = _check_stamps(mav, parts, window or Window(), camera_time_offset_ns, out)
     if inertial is not None:
-        _check_contents(folder, mav, parts, *inertial, truths, effort or Effort(), out)
+        _check_contents(folder, mav, parts, *inertial, truths, effort or Effort(), sort, out)
     return out
+
+
+def _check_without_images(
+    mav: Path, truths: list[str] | None, window: Window, sort: bool, out: Findings
+) -> None:
+    """Inertial sensor and truths of a folder without cameras; its window counts from the first sample."""
+    for check in ("calibration of the cameras", "images", "motion"):
+        out.skip(
+            check, "there is neither cam0 nor cam1: the inertial sensor and the truths alone are checked"
+        )
+    imu = _read_imu(mav, sort, out)[1]
+    if imu is None or not check_rate("imu0", imu.t_ns, IMU_RATE_HZ, _stated_rate(mav), out):
+        return
+    seconds = (imu.t_ns - (window.origin_ns or int(imu.t_ns[0]))) * 1e-9
+    inside = (seconds >= window.start_s) & (seconds <= window.end_s)
+    if np.count_nonzero(inside) < 2:
+        text = f"window {window.start_s:g}..{window.end_s:g} s; 2 are needed"
+        out.error("window", f"{np.count_nonzero(inside)} samples of imu0 lie in the {text}")
+        return
+    imu = ImuSamples(imu.t_ns[inside], imu.gyro[inside], imu.accel[inside])
+    check_samples(imu, int(imu.t_ns[0]), int(imu.t_ns[-1]), out)
+    _check_motion_and_truths(mav, imu, np.empty(0, dtype=np.int64), None, truths, sort, out)
 
 
 def _try(out: Findings, check: str, read: Callable[[], _T]) -> _T | None:
@@ -103,14 +129,9 @@ def _warn_of_order(check: str, rows: int, out: Findings) -> None:
         out.warn(check, f"{rows} row(s) were out of order and have been sorted")
 
 
-def _read_parts(mav: Path, sort: bool, out: Findings) -> _Parts:
-    cameras = [
-        _try(out, "calibration", partial(read_camera, mav / name / "sensor.yaml"))
-        for name in ("cam0", "cam1")
-    ]
+def _read_imu(mav: Path, sort: bool, out: Findings) -> tuple[ImuNoise | None, ImuSamples | None]:
     noise = _try(out, "calibration", partial(read_imu_noise, mav / "imu0" / "sensor.yaml"))
     imu = _try(out, "imu0", partial(read_imu, mav / "imu0" / "data.csv", sort))
-    frames = _try(out, "frames", partial(read_frames, mav, sort))
     if noise is not None:
         out.fact("imu0", gyro_density=noise.gyro_density, accel_density=noise.accel_density)
     if imu is not None:
@@ -119,11 +140,21 @@ def _read_parts(mav: Path, sort: bool, out: Findings) -> _Parts:
         if repeated:
             out.warn("imu0", f"imu0 repeats {repeated} identical row(s), which are left out")
         _warn_of_order("imu0", imu[1].n_unsorted, out)
+    return noise, imu[0] if imu else None
+
+
+def _read_parts(mav: Path, sort: bool, out: Findings) -> _Parts:
+    cameras = [
+        _try(out, "calibration", partial(read_camera, mav / name / "sensor.yaml"))
+        for name in ("cam0", "cam1")
+    ]
+    noise, imu = _read_imu(mav, sort, out)
+    frames = _try(out, "frames", partial(read_frames, mav, sort))
     if frames is not None:
         _warn_of_order("frames", frames.n_unsorted, out)
     if cameras[0] is not None and cameras[1] is not None:
         check_calibration((cameras[0], cameras[1]), out)
-    return _Parts((cameras[0], cameras[1]), noise, imu[0] if imu else None, frames)
+    return _Parts((cameras[0], cameras[1]), noise, imu, frames)
 
 
 def _check_stamps(
@@ -137,8 +168,7 @@ def _check_stamps(
         for check in ("stamps", "images", "motion"):
             out.skip(check, "needs both imu0 and the frames")
         return None
-    stated = _stated_rate(mav / "imu0" / "sensor.yaml")
-    check_rate("imu0", parts.imu.t_ns, IMU_RATE_HZ, stated, out)
+    check_rate("imu0", parts.imu.t_ns, IMU_RATE_HZ, _stated_rate(mav), out)
     frames = replace(
         parts.frames, t_ns=parts.frames.t_ns + offset_ns, dropped_ns=parts.frames.dropped_ns + offset_ns
     )
@@ -159,16 +189,16 @@ def _check_stamps(
         for check in ("imu gaps", "images", "motion"):
             out.skip(check, "the stamps are wrong")
         return None
-    check_imu_gaps(parts.imu.t_ns, first, last, out)
+    check_samples(parts.imu, first, last, out)
     near = (parts.imu.t_ns >= first - _MARGIN_NS) & (parts.imu.t_ns <= last + _MARGIN_NS)
     imu = ImuSamples(parts.imu.t_ns[near], parts.imu.gyro[near], parts.imu.accel[near])
     return imu, frames, inside
 
 
-def _stated_rate(path: Path) -> object:
-    """``rate_hz`` of a sensor.yaml that has been read before without complaint, or None."""
+def _stated_rate(mav: Path) -> object:
+    """``rate_hz`` of the inertial sensor's sensor.yaml; None where it cannot be read."""
     try:
-        return read_sensor_yaml(path).get("rate_hz")
+        return read_sensor_yaml(mav / "imu0" / "sensor.yaml").get("rate_hz")
     except DataError:
         return None  # reported where the calibration was read
 
@@ -182,6 +212,7 @@ def _check_contents(
     inside: NDArray[np.int64],
     truths: list[str] | None,
     effort: Effort,
+    sort: bool,
     out: Findings,
 ) -> None:
     """Images, motion, gravity, truths."""
@@ -209,11 +240,29 @@ def _check_contents(
                 seen = _try(out, "images", sample.turns)
                 if seen is not None:
                     fit = check_motion(*seen, gyro, rest, out)
-    check_gravity(imu, rest, fit.gyro_bias if fit is not None else imu.gyro.mean(axis=0), out)
+    _check_motion_and_truths(
+        mav, imu, frames.t_ns[inside], fit.gyro_bias if fit is not None else None, truths, sort, out
+    )
+
+
+def _check_motion_and_truths(
+    mav: Path,
+    imu: ImuSamples,
+    frames_ns: NDArray[np.int64],
+    gyro_bias: Array | None,
+    truths: list[str] | None,
+    sort: bool,
+    out: Findings,
+) -> None:
+    """Gravity and truths; ``gyro_bias`` is what the camera says, or None."""
+    rest = find_rest(imu)
+    bias = gyro_bias if gyro_bias is not None else rest.gyro_bias
+    check_gravity(imu, rest, bias if bias is not None else imu.gyro.mean(axis=0), out)
     names = truths if truths is not None else sorted(p.name for p in mav.glob("state_groundtruth_*"))
     if not names:
         out.skip("truth", "there is no state_groundtruth_* folder")
     for name in names:
-        truth = _try(out, f"truth {name}", partial(read_ground_truth, mav / name))
+        truth = _try(out, f"truth {name}", partial(read_ground_truth, mav / name, sort=sort))
         if truth is not None:
-            check_truth(name, truth, imu, frames.t_ns[inside], out)
+            _warn_of_order(f"truth {name}", truth.n_unsorted, out)
+            check_truth(name, truth, imu, frames_ns, bias, out)
