@@ -17,11 +17,15 @@ import yaml
 
 from vigauge.errors import DataError
 from vigauge.geometry import so3
+from vigauge.model.imu import ImuSamples
 from vigauge.recordings.asl.ground_truth import read_ground_truth
 from vigauge.recordings.asl.images import read_image
 from vigauge.recordings.asl.sequence import read_sequence
 from vigauge.recordings.checks.findings import Findings
+from vigauge.recordings.checks.inertial import Rest
+from vigauge.recordings.checks.rig import check_motion
 from vigauge.recordings.checks.sequence import Window, check_sequence
+from vigauge.recordings.checks.turning import GyroRotation, Turns
 from vigauge.recordings.checks.vision import Effort
 from vigauge_paper.stand_in.rendering import START_NS
 
@@ -599,6 +603,33 @@ def test_image_that_hangs_while_the_gyroscope_turns_is_told(folder: Path) -> Non
     assert any("images stand still while the gyroscope turns" in message for message in found), found
 
 
+@pytest.mark.parametrize(("shift", "words"), [(1, "1 frame(s) earlier"), (-1, "1 frame(s) later")])
+def test_cam1_that_slips_a_frame_midway_is_told(folder: Path, shift: int, words: str) -> None:
+    """Half of the recording with another moment in the right image, and a median that sees the good half."""
+    files = image_files(folder, "cam1")
+    data = [file.read_bytes() for file in files]
+    middle = len(files) // 2 - 4
+    for k in range(middle, len(files)):
+        replace_image(files[k], data[min(k + shift, len(files) - 1)])
+    found = check_sequence(folder, effort=Effort(stereo_frames=5, turns=4))
+    slips = [m for m in messages(found, "error") if "[stereo] the images of cam1 belong to other frames" in m]
+    assert len(slips) == 1 and words in slips[0], found.lines()
+    first = int(re.search(r"first seen at (\d+) ns", slips[0])[1])
+    assert first >= int(files[middle].stem)
+
+
+def test_repeated_images_of_cam1_are_told(folder: Path) -> None:
+    """A right camera that hangs, which no look at the left one shows."""
+    files = image_files(folder, "cam1")
+    for later in files[10:12]:
+        replace_image(later, files[9].read_bytes())
+    found = messages(check(folder), "error")
+    assert any(
+        f"2 image(s) of cam1 are the same file as the one before; the first is {files[10].stem} ns" in m
+        for m in found
+    ), found
+
+
 # Case 20
 def test_cameras_exposed_differently_are_warned_of(folder: Path) -> None:
     for path in image_files(folder, "cam1"):
@@ -639,6 +670,54 @@ def test_standing_still_is_told(folder: Path) -> None:
     assert "standing still" in message and "no covariance" in message
     assert found.facts["imu0"]["gravity_found"] == "at rest"
     assert found.facts["imu0"]["gravity_mps2"] == pytest.approx(9.81, abs=0.02)
+
+
+def pairs_of(moving: np.ndarray) -> tuple[Turns, np.ndarray, int]:
+    """Pairs of frames 0.5 s apart, which turn by 0.1 rad and move by 20 px, or rest."""
+    first = START_NS + 500_000_000 * np.arange(len(moving), dtype=np.int64)
+    phi = np.where(moving[:, None], [0.1, -0.05, 0.02], 0.0) * np.sin(np.arange(len(moving)))[:, None]
+    return Turns(first, first + 200_000_000, phi, np.eye(3)), np.where(moving, 20.0, 0.2), len(moving)
+
+
+@pytest.mark.parametrize(
+    ("moving", "window"),
+    [
+        (np.arange(24) < 14, "0.00 6.70"),
+        (np.arange(24) >= 14, "7.00 11.70"),
+        (np.arange(24) % 12 < 5, "0.00 2.20"),
+    ],
+    ids=["moves 7 s, rests 5 s", "rests 7 s, moves 5 s", "rests most of the time, moves twice"],
+)
+def test_part_that_moves_is_proposed_as_a_window(moving: np.ndarray, window: str) -> None:
+    """A recording refused as standing still since it rests for a part of the time."""
+    t_ns = START_NS + 5_000_000 * np.arange(-200, 2600, dtype=np.int64)
+    gyro = GyroRotation(ImuSamples(t_ns, np.zeros((2800, 3)), np.zeros((2800, 3))))
+    nothing = Rest(0.4, np.empty((0, 3)), np.empty((0, 3)))
+    out = Findings("flight")
+    check_motion(*pairs_of(moving), gyro, nothing, START_NS, out)
+    (message,) = [m for m in messages(out, "warning") if "[standing still]" in m]
+    assert f"is --window {window}: choose it" in message
+    assert not [m for m in messages(out, "error") if "standing still" in m]
+    still = Findings("flight")
+    check_motion(*pairs_of(moving & False), gyro, nothing, START_NS, still)
+    assert "nothing moves" in messages(still, "error")[0]
+
+
+@pytest.mark.parametrize(("keep", "status"), [(1, 0), (5, 0), (24, 2)])
+def test_frames_too_far_apart_are_refused_with_the_spacing_that_would_do(
+    folder: Path, keep: int, status: int
+) -> None:
+    """Frames between which the view turns away, and an error that blames images or calibration."""
+    rows = {START_NS + 50_000_000 * k for k in range(0, 49, keep)}
+    for camera in ("cam0", "cam1"):
+        edit_rows(folder, camera, lambda row: row if int(row[0]) in rows else None)
+    # The same flight, faster: what counts is how far the camera turns.
+    edit_rows(folder, "imu0", scale(slice(1, 4), 3.0 if keep == 24 else 1.0))
+    found = [m for m in messages(check(folder, truths=[]), "error") if "[frame spacing]" in m]
+    assert len(found) == (status == 2), found
+    assert status < 2 or re.search(r"2 of 2 neighbouring .* a frame every 0\.[125]+ s would do", found[0]), (
+        found
+    )
 
 
 def test_everything_that_is_wrong_is_said_at_once(folder: Path) -> None:

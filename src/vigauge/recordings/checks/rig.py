@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...geometry.camera import Camera
 from .findings import Findings
@@ -31,6 +32,8 @@ _OFFSET_SIGMAS = 3.0
 STILL_PX = 1.0
 # No bias of a gyroscope is this large, rad/s: a camera that sees no turn then hangs, or units are wrong.
 LARGEST_BIAS_RADPS = 0.5
+# A part that rests is worth a word from this share on; a single pair that moves may be a wrong pose.
+STILL_SHARE, _LEAST_MOVING = 0.2, 2
 _DEGREES = 180.0 / np.pi
 
 
@@ -55,13 +58,13 @@ def check_calibration(cameras: tuple[Camera, Camera], out: Findings) -> None:
         )
 
 
-def check_frozen(frozen_ns: list[int], out: Findings) -> None:
-    """Frames that repeat the one before byte for byte."""
-    out.fact("cam0", repeated_images=len(frozen_ns))
+def check_frozen(camera: str, frozen_ns: list[int], out: Findings) -> None:
+    """Frames of ``camera`` that repeat the one before byte for byte."""
+    out.fact(camera, repeated_images=len(frozen_ns))
     if frozen_ns:
         out.error(
             "frozen camera",
-            f"{len(frozen_ns)} image(s) of cam0 are the same file as the one before; the first is "
+            f"{len(frozen_ns)} image(s) of {camera} are the same file as the one before; the first is "
             f"{frozen_ns[0]} ns: choose a window without them",
         )
 
@@ -98,6 +101,16 @@ def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings
             "frames do not belong together",
         )
         return
+    if sample.slips:
+        t_ns, later = sample.slips[0]
+        out.error(
+            "stereo",
+            f"the images of cam1 belong to other frames: {len(sample.slips)} of {sample.frames} sampled "
+            f"frames fit not their own image of cam1 but one {abs(later)} frame(s) "
+            f"{'later' if later > 0 else 'earlier'}, first seen at {t_ns} ns: cam1 lost or doubled an image "
+            "before that. Stamp its images anew",
+        )
+        return
     if sample.epipolar_px > EPIPOLAR_ERROR_PX:
         out.error(
             "extrinsics",
@@ -113,6 +126,14 @@ def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings
         )
     elif sample.disparity_px < 0.0:
         out.error("extrinsics", "matches lie behind the cameras: cam0 and cam1, or their T_BS, are exchanged")
+    elif np.any(sample.frame_epipolar_px > EPIPOLAR_WARNING_PX):
+        k = int(np.argmax(sample.frame_epipolar_px > EPIPOLAR_WARNING_PX))
+        out.warn(
+            "stereo",
+            f"matches lie {sample.frame_epipolar_px[k]:.1f} px from their epipolar lines at "
+            f"{sample.frame_ns[k]} ns, {sample.epipolar_px:.2f} px in the median (limit "
+            f"{EPIPOLAR_WARNING_PX:g}): its images were not taken together, or the exposure was long",
+        )
     ratio = (sample.grey_left + 1.0) / (sample.grey_right + 1.0)
     if max(ratio, 1.0 / ratio) > BRIGHTNESS_RATIO:
         out.warn(
@@ -125,15 +146,24 @@ def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings
 
 
 def check_motion(
-    turns: Turns, moved_px: np.ndarray, tried: int, gyro: GyroRotation, rest: Rest, out: Findings
+    turns: Turns,
+    moved_px: np.ndarray,
+    tried: int,
+    gyro: GyroRotation,
+    rest: Rest,
+    origin_ns: int,
+    out: Findings,
 ) -> TurnFit | None:
-    """Camera against gyroscope: stillness, units, axes, clocks; the fit, or None where nothing turns."""
+    """Camera against gyroscope: stillness, units, axes, clocks; the fit, or None where nothing turns.
+
+    ``origin_ns`` is the stamp that windows count from.
+    """
     out.fact("camera against gyro", turns_tried=tried, turns_found=len(moved_px))
     if len(moved_px) == 0:
         out.warn("motion", f"no turn of the camera could be measured between {tried} pairs of frames")
         return None
     phi_B = gyro.turned(turns.first_ns, turns.second_ns)
-    if _is_still(turns, moved_px, phi_B, rest, out):
+    if _is_still(turns, moved_px, phi_B, rest, origin_ns, out):
         return None
     fit = compare_turns(gyro, turns)
     if fit is None:
@@ -157,13 +187,33 @@ def check_motion(
     return fit
 
 
-def _is_still(turns: Turns, moved_px: np.ndarray, phi_B: np.ndarray, rest: Rest, out: Findings) -> bool:
-    """Whether the images stand still; and an error for what that means."""
-    dt = (turns.second_ns - turns.first_ns)[:, None] * 1e-9
-    rate = float(np.median(np.linalg.norm(phi_B / dt, axis=1)))
+def _moving_part(moving: NDArray[np.bool_]) -> slice:
+    """The longest run of moving pairs of frames."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]])))
+    k = int(np.argmax(edges[1::2] - edges[::2])) if len(edges) else 0
+    return slice(int(edges[2 * k]), int(edges[2 * k + 1])) if len(edges) else slice(0, 0)
+
+
+def _is_still(
+    turns: Turns, moved_px: np.ndarray, phi_B: np.ndarray, rest: Rest, origin_ns: int, out: Findings
+) -> bool:
+    """Whether the images stand still all the time, and what that means; else the part that moves."""
+    still = moved_px <= STILL_PX
     moved = float(np.median(moved_px))
-    out.fact("camera against gyro", image_motion_px=moved, gyro_rate_radps=rate)
-    if moved > STILL_PX:
+    rates = np.linalg.norm(phi_B, axis=1) / ((turns.second_ns - turns.first_ns) * 1e-9)
+    out.fact("camera against gyro", image_motion_px=moved, gyro_rate_radps=float(np.median(rates)))
+    out.fact("camera against gyro", still_share=float(np.mean(still)))
+    rate = float(np.median(rates[still])) if np.any(still) else 0.0
+    part = _moving_part(~still)
+    usable = part.stop - part.start >= _LEAST_MOVING
+    if (moved > STILL_PX or usable) and (np.mean(still) < STILL_SHARE or rate <= LARGEST_BIAS_RADPS):
+        if np.mean(still) >= STILL_SHARE and usable:
+            begin, end = (t - origin_ns for t in (turns.first_ns[part][0], turns.second_ns[part][-1]))
+            out.warn(
+                "standing still",
+                f"nothing moves in {100 * np.mean(still):.0f} % of the pairs of frames. The longest part "
+                f"that moves is --window {begin * 1e-9:.2f} {end * 1e-9:.2f}: choose it",
+            )
         return False
     if rate > LARGEST_BIAS_RADPS:
         out.error(

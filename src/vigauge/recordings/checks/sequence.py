@@ -19,10 +19,12 @@ from ..asl.calibration import read_camera, read_imu_noise, read_sensor_yaml
 from ..asl.ground_truth import read_ground_truth
 from ..asl.sequence import Sequence, StereoFrames, read_frames, read_imu
 from ..frontend.opencv import one_thread
+from ..frontend.tracks import LEFT, RIGHT
 from .findings import Findings
 from .inertial import check_gravity, check_noise, find_rest
 from .rig import check_calibration, check_frozen, check_motion, check_stereo
 from .samples import check_samples
+from .spacing import check_spacing
 from .stamps import (
     CAMERA_RATE_HZ,
     IMU_RATE_HZ,
@@ -159,8 +161,8 @@ def _read_parts(mav: Path, sort: bool, out: Findings) -> _Parts:
 
 def _check_stamps(
     mav: Path, parts: _Parts, window: Window, offset_ns: int, out: Findings
-) -> tuple[ImuSamples, StereoFrames, NDArray[np.int64]] | None:
-    """Stamps of all sensors; then samples and frames by one clock, and the frames of the window.
+) -> tuple[ImuSamples, StereoFrames, NDArray[np.int64], int] | None:
+    """Stamps of all sensors; then samples and frames by one clock, the frames of the window, its origin.
 
     None where they do not allow any further check.
     """
@@ -172,7 +174,8 @@ def _check_stamps(
     frames = replace(
         parts.frames, t_ns=parts.frames.t_ns + offset_ns, dropped_ns=parts.frames.dropped_ns + offset_ns
     )
-    seconds = (parts.frames.t_ns - (window.origin_ns or int(parts.frames.t_ns[0]))) * 1e-9
+    origin_ns = window.origin_ns or int(parts.frames.t_ns[0])
+    seconds = (parts.frames.t_ns - origin_ns) * 1e-9
     inside = np.flatnonzero((seconds >= window.start_s) & (seconds <= window.end_s))
     if len(inside) < 2:
         out.error(
@@ -192,7 +195,7 @@ def _check_stamps(
     check_samples(parts.imu, first, last, out)
     near = (parts.imu.t_ns >= first - _MARGIN_NS) & (parts.imu.t_ns <= last + _MARGIN_NS)
     imu = ImuSamples(parts.imu.t_ns[near], parts.imu.gyro[near], parts.imu.accel[near])
-    return imu, frames, inside
+    return imu, frames, inside, origin_ns + offset_ns
 
 
 def _stated_rate(mav: Path) -> object:
@@ -210,6 +213,7 @@ def _check_contents(
     imu: ImuSamples,
     frames: StereoFrames,
     inside: NDArray[np.int64],
+    origin_ns: int,
     truths: list[str] | None,
     effort: Effort,
     sort: bool,
@@ -226,8 +230,10 @@ def _check_contents(
             out.skip(check, "the calibration could not be read")
     else:
         sequence = Sequence(out.sequence, folder, (left, right), frames, imu, parts.noise)
-        frozen = find_frozen(sequence, inside)
-        check_frozen(frames.t_ns[frozen].tolist(), out)
+        check_spacing(frames.t_ns[inside], left, gyro, out)
+        frozen, frozen_right = (find_frozen(sequence, inside, camera) for camera in (LEFT, RIGHT))
+        check_frozen("cam0", frames.t_ns[frozen].tolist(), out)
+        check_frozen("cam1", frames.t_ns[frozen_right].tolist(), out)
         sample = ImageSample(sequence, np.setdiff1d(inside, frozen), effort)
         with one_thread():
             stereo = _try(out, "images", sample.stereo)
@@ -239,7 +245,7 @@ def _check_contents(
             else:
                 seen = _try(out, "images", sample.turns)
                 if seen is not None:
-                    fit = check_motion(*seen, gyro, rest, out)
+                    fit = check_motion(*seen, gyro, rest, origin_ns, out)
     _check_motion_and_truths(
         mav, imu, frames.t_ns[inside], fit.gyro_bias if fit is not None else None, truths, sort, out
     )

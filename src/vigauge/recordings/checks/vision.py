@@ -60,6 +60,9 @@ class StereoSample:
     grey_left, grey_right : mean grey level of 0..255
     contrast : standard deviation of the grey levels of the left image
     clipped : share of pixels of either image that are black or white
+    frame_ns, frame_epipolar_px : (frames,) the stamp of each and the median distance of its own matches; NaN
+        where it has too few
+    slips : frames whose matches fit another frame of cam1: stamp, and by how many frames that one is later
     """
 
     frames: int
@@ -71,6 +74,9 @@ class StereoSample:
     grey_right: float
     contrast: float
     clipped: float
+    frame_ns: NDArray[np.int64]
+    frame_epipolar_px: Array
+    slips: tuple[tuple[int, int], ...] = ()
 
 
 def _spread(n: int, most: int) -> list[int]:
@@ -78,12 +84,13 @@ def _spread(n: int, most: int) -> list[int]:
     return sorted({int(k) for k in np.linspace(0, n - 1, min(n, most)).round()})
 
 
-def find_frozen(sequence: Sequence, frames: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Those of the frames (F,) whose left image file equals that of the frame before, byte for byte.
+def find_frozen(sequence: Sequence, frames: NDArray[np.int64], camera: int) -> NDArray[np.int64]:
+    """Those of the frames (F,) whose image file of one camera equals that before, byte for byte.
 
     Only files of equal size are opened, so this can look at all frames.
     """
-    files = [sequence.frames.left[frame] for frame in frames]
+    paths = (sequence.frames.left, sequence.frames.right)[camera]
+    files = [paths[frame] for frame in frames]
     sizes = [file.stat().st_size for file in files]
     same = [
         sizes[k] == sizes[k - 1] and files[k].read_bytes() == files[k - 1].read_bytes()
@@ -121,13 +128,33 @@ class ImageSample:
         distance = np.concatenate([row[0] for row in rows])
         disparity = np.concatenate([row[1] for row in rows])
         numbers = np.median([row[2] for row in rows], axis=0)
+        own = np.array([np.median(d) if len(d) >= _LEAST_INLIERS else np.nan for d, _, _ in rows])
         near = np.abs(distance) <= 2.0 * StereoSettings().epipolar_px
         return StereoSample(
             frames=len(rows),
             epipolar_px=float(np.median(distance)) if len(distance) else float("nan"),
             disparity_px=float(np.median(disparity[near])) if np.any(near) else float("nan"),
             **dict(zip(_NUMBERS, map(float, numbers), strict=True)),
+            frame_ns=self.sequence.frames.t_ns[self.frames[chosen]],
+            frame_epipolar_px=own,
+            slips=self._slips([chosen[k] for k in np.flatnonzero(own > _EXPLAINED_PX)]),
         )
+
+    def _slips(self, suspects: list[int]) -> tuple[tuple[int, int], ...]:
+        """Those of the frames (indices into ``frames``) whose left image fits a neighbour's right image."""
+        found = []
+        for k in suspects:
+            uv, descriptors = self._detected(int(self.frames[k]), LEFT)
+            for later in (1, -1, 2, -2):
+                if not 0 <= k + later < len(self.frames):
+                    continue
+                uv_R, descriptors_R = self._detected(int(self.frames[k + later]), RIGHT)
+                pairs = mutual_matches(squared_distances(descriptors, descriptors_R), _RATIO)
+                distance = self.geometry.epipolar_distance(uv[pairs[:, 0]], uv_R[pairs[:, 1]])
+                if len(pairs) >= _LEAST_INLIERS and np.median(distance) < 0.5 * _EXPLAINED_PX:
+                    found.append((int(self.sequence.frames.t_ns[self.frames[k]]), later))
+                    break
+        return tuple(found)
 
     def _stereo_of(self, frame: int) -> tuple[Array, Array, list[float]]:
         images = self.read(frame, LEFT), self.read(frame, RIGHT)
