@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
+from ..ids import GAUGES
+
 Row = dict[str, object]
 
 # Errors that are compared at the start and at the optimum: aligned by the first pose, as in the
