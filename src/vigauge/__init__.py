@@ -12,7 +12,7 @@ __version__ = "0.1.0"
 # Public names: the module of each, and what it is. A name is loaded when first asked for, so that `import
 # vigauge` costs nothing. Type checkers read the same names in __init__.pyi.
 _PUBLIC = {
-    "example_problem": ("", "a small simulated problem, made without any file"),
+    "example_problem": ("", "a small simulated problem, which comes with the package"),
     "load_problems": ("model.archive", "problems from a file"),
     "save_problems": ("model.archive", "problems into a file"),
     "Problem": ("model.problem", "measurements, cameras, noise, and the state to start from"),
@@ -75,15 +75,10 @@ def example_problem() -> Any:
 
     Every call gives the same numbers. The start is off by 5 cm, 6 degrees and 5 cm/s a keyframe.
     """
-    import json
     from pathlib import Path
 
-    values = json.loads(Path(__file__).with_name("example.json").read_text(encoding="utf-8"))
-    fields = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
     # By name, as the names above: to a tool that reads imports, `import vigauge` brings none of the library.
-    scenario = import_module(f"{__name__}.synthetic.scenario")
-    settings = import_module(f"{__name__}.synthetic.settings").SimulationSettings(**fields)
-    return scenario.make_trial(scenario.make_scene("sine", "random", settings), 0)
+    return __getattr__("load_problems")(Path(__file__).with_name("example.npz"))[0]
 
 
 def __getattr__(name: str) -> Any:
