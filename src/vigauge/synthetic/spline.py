@@ -9,13 +9,16 @@ rounding error.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline, make_interp_spline
 
 from ..geometry import so3
 from ..geometry.so3 import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 # Quintic: jerk is continuous, so the sampled acceleration and angular velocity are smooth.
 DEGREE = 5
@@ -39,6 +42,9 @@ class SplineTrajectory:
     @classmethod
     def through(cls, t: ArrayLike, p_W: ArrayLike, phi: ArrayLike, R_WB_ref: ArrayLike) -> SplineTrajectory:
         """Spline through the given points: t (M,) s, p_W (M, 3) m, phi (M, 3) rad."""
+        # Many read a trajectory's type and make none; the import takes a sixth of a second.
+        from scipy.interpolate import make_interp_spline
+
         t = np.asarray(t, dtype=float)
         return cls(
             position=make_interp_spline(t, np.asarray(p_W, dtype=float), k=DEGREE),

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import binomtest
 
 from ..ids import GAUGES
 
@@ -80,6 +79,8 @@ def summarise(rows: Sequence[Mapping[str, str]], gauge: str = "free") -> list[Ro
     ratios of the two errors, and the two-sided p of a sign test. Windows whose run did not
     converge are counted and left out.
     """
+    from scipy.stats import binomtest  # half a second, for one number
+
     out: list[Row] = []
     mine = [row for row in rows if row["gauge"] == gauge]
     for noise in dict.fromkeys(row["noise"] for row in mine):
