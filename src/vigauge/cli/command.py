@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import errno
+import gc
 import logging
 import sys
 from collections.abc import Callable
@@ -56,6 +58,8 @@ def run(
     ``defect_status``. BLAS runs on one thread: at these sizes several are slower, and sums depend
     on their number.
     """
+    # The process ends after the work: what Numba made is left to the system, which saves a fifth of a second.
+    atexit.register(gc.freeze)
     options = arguments.parse_args()
     logging.basicConfig(level=logging.WARNING, format="%(message)s", force=True)
     LOG.setLevel(logging.INFO)
