@@ -62,6 +62,7 @@ _PUBLIC = {
     "DataError": ("errors", "bad input: where, what was found, and the rule that it breaks"),
     "SolverError": ("errors", "the optimiser could not go on"),
     "DegenerateError": ("errors", "more than the gauge is unobservable: no covariance"),
+    "IndefiniteError": ("errors", "an information matrix with a negative eigenvalue"),
     "OutputError": ("errors", "a result could not be written"),
     "MissingExtraError": ("errors", "packages of an extra are not installed"),
 }

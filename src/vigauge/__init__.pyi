@@ -9,6 +9,7 @@ from .covariance.projection import project_covariance as project_covariance
 from .covariance.transform import transform_covariance as transform_covariance
 from .errors import DataError as DataError
 from .errors import DegenerateError as DegenerateError
+from .errors import IndefiniteError as IndefiniteError
 from .errors import MissingExtraError as MissingExtraError
 from .errors import OutputError as OutputError
 from .errors import SolverError as SolverError

@@ -98,5 +98,9 @@ class DegenerateError(SolverError):
     """More directions are unobservable than the gauge explains; no covariance is given."""
 
 
+class IndefiniteError(DegenerateError):
+    """An information matrix with a negative eigenvalue, which no sum of squares has."""
+
+
 class MissingExtraError(VigaugeError, ImportError):
     """A part of the library that needs packages which are not installed."""

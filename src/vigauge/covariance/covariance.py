@@ -21,7 +21,7 @@ from ..arrays import indices as indices_of
 from ..arrays import reals
 from ..errors import DataError
 from ..gauge.gauges import FreeGauge, Gauge, first_pose_columns
-from ..gauge.group import Group, YawTranslation
+from ..gauge.group import Group, YawTranslation, local_tangent
 from ..geometry.so3 import Array
 from ..kernels import symmetric
 from ..model.factors import LinearFactor
@@ -31,9 +31,9 @@ from ..observability.orbit import open_directions, seen_along
 from ..observability.spectrum import Spectrum
 from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
 from ..sparsity.layout import Index
-from .foreign import inverse_on_complement
+from .foreign import generalised_inverse
 from .held_inverse import HeldInverse
-from .projection import low_rank_projection, times_inverse
+from .projection import along_orbit, low_rank_projection
 
 # Entries of G that are gathered at a time: two megabytes.
 _AT_ONCE = 250_000
@@ -84,7 +84,7 @@ class Covariance:
     ) -> Covariance:
         """As :meth:`of`, from normal equations at hand."""
         group = YawTranslation() if group is None else group
-        tangent = group.tangent(state)
+        tangent = local_tangent(group, state)
         if not problem.factors:
             return cls(equations, state, problem.initial, tangent, (), group)
         along = seen_along(problem, state, tangent)
@@ -209,7 +209,7 @@ class _Projection:
         same_as_free = isinstance(gauge, FreeGauge) and gauge.group == covariance.group
         V = U if same_as_free else _normal(covariance, gauge, prior)
         rows = len(U) if landmarks else 9 * state.n_keyframes
-        W = times_inverse(U[:rows], V.T @ U)
+        W = along_orbit(U, V)[:rows]
         # A prior on what G holds says nothing of the shape.
         same = prior is not None and np.array_equal(prior.columns, covariance._held)
         A = None if same else cls._half_update(covariance, V, W, landmarks)
@@ -276,9 +276,9 @@ def _normal(covariance: Covariance, gauge: Gauge, prior: LinearFactor | None) ->
             f" {', '.join(covariance.measured)}; give it to the problem as a motion factor instead",
         )
     # V M^T is dual to the group's tangent; what belongs to the open directions is kept.
-    tangent = covariance.group.tangent(state)
+    tangent = local_tangent(covariance.group, state)
     coordinates = np.linalg.lstsq(tangent, U, rcond=None)[0]
-    return times_inverse(V, tangent.T @ V) @ coordinates
+    return along_orbit(V, tangent) @ coordinates
 
 
 def _single_rows(V: Array) -> Index:
@@ -297,11 +297,11 @@ def motion_pseudo_inverse(covariance: Covariance) -> Array:
     """
     reduced, U = covariance.reduced, covariance.U
     n_motion = 9 * covariance.state.n_keyframes
-    G = inverse_on_complement(reduced.matrix, U[:n_motion])
+    G, _ = generalised_inverse(reduced.matrix, U[:n_motion])
     taken, gram = reduced.couple(U[n_motion:])
     through = U[:n_motion] - taken
     G_U = G @ through
-    return low_rank_projection(G, G_U, gram + through.T @ G_U, U[:n_motion], U.T @ U)
+    return low_rank_projection(G, G_U, gram + through.T @ G_U, along_orbit(U, U)[:n_motion])
 
 
 def motion_covariance(problem: Problem, state: State, gauge: Gauge) -> Array:

@@ -3,44 +3,71 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
+import scipy.linalg.lapack as lapack
 
 from ..arrays import reals, symmetric
 from ..errors import DataError, DegenerateError
 from ..geometry.so3 import Array
-from ..observability.spectrum import require_regular
-from .projection import projected
+from ..observability.spectrum import require_regular, require_semidefinite
+from ..sparsity.rounding import rounding
+from .projection import independent_columns, oblique_projection
+
+# Largest relative error of a covariance that may come from U being null to a few digits only.
+_HARMLESS = 1e-3
 
 
-def _inverse(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix, scaled to a unit diagonal first.
+def generalised_inverse(matrix: Array, null: Array) -> tuple[Array, Array]:
+    """G with A G A = A, where ``null`` (n, d) spans the null space of A, and a well-conditioned basis of it.
 
-    Raises DegenerateError where the matrix is singular to rounding.
+    G = (A + N N^T)^-1 - N N^T with A scaled to a unit diagonal and N orthonormal in that scale, so units,
+    scale and origin do not matter.
+
+    Raises DataError, IndefiniteError and DegenerateError as :func:`covariance_from_hessian`.
     """
-    n = len(matrix)
-    scale = 1.0 / np.sqrt(np.diagonal(matrix))
+    n, diagonal = len(matrix), np.diagonal(matrix)
+    if not np.all(diagonal > 0.0):
+        row = int(np.argmin(diagonal))
+        raise DataError("H", "diagonal must be positive", row=row, value=float(diagonal[row]))
+    scale = 1.0 / np.sqrt(diagonal)
+    A = matrix * scale[:, None] * scale
+    N = independent_columns("U", null / scale[:, None])
+    A_N = A @ N
+    # Information along U: above rounding it is somebody's measurement, however little it is next to the rest.
+    along = float(np.abs(np.linalg.eigvalsh(N.T @ A_N)).max(initial=0.0))
+    if along > rounding(n):
+        raise _not_null(A, A_N, along, "")
     try:
-        factor = np.linalg.cholesky(matrix * scale[:, None] * scale)
+        factor = np.linalg.cholesky(A + N @ N.T)
     except np.linalg.LinAlgError as error:
-        raise DegenerateError("the information matrix is not positive definite in this gauge") from error
-    half = scipy.linalg.solve_triangular(factor, np.eye(n), lower=True, check_finite=False)
-    require_regular(float(np.vdot(half, half)), n)
+        require_semidefinite(A)
+        raise DegenerateError("more than the gauge is unobservable: H is singular beyond U") from error
+    half, _ = lapack.dtrtri(factor, lower=1)
+    trace = float(np.vdot(half, half))
+    require_regular(trace, n)
+    leak = float(np.linalg.norm(A_N))
+    if leak * trace > _HARMLESS:
+        raise _not_null(A, A_N, leak, f", where the weakest of the other directions has {n / trace:.0e}")
     half *= scale
-    return half.T @ half
+    N = N * scale[:, None]
+    return half.T @ half - N @ N.T, N
 
 
-def inverse_on_complement(matrix: Array, null: Array) -> Array:
-    """pinv(matrix) where ``null`` (n, d) spans its null space: (A + s N N^T)^-1 - N N^T / s.
-
-    s sits in the middle of the spectrum: far from either end it costs digits.
-    """
-    N, _ = np.linalg.qr(null)
-    s = float(np.exp(np.mean(np.log(np.diagonal(matrix)))))
-    return _inverse(matrix + s * (N @ N.T)) - N @ N.T / s
+def _not_null(A: Array, A_N: Array, found: float, against: str) -> DataError:
+    """What to say of a U that H measures. Raises IndefiniteError where H is no information matrix."""
+    require_semidefinite(A)
+    return DataError(
+        "U",
+        f"columns must be in the null space of H, which has {found:.0e} of its diagonal along them{against}."
+        " Something absolute is in H (a prior?): take it out, or invert H if that measures every direction."
+        " Or U belongs to another estimate, or has too few digits (take both about a local origin)",
+    )
 
 
 def covariance_from_hessian(H: Array, U: Array, V: Array | None = None) -> Array:
     """Covariance in the gauge with normal V from any estimator's singular Hessian.
+
+    All is judged after scaling H to a unit diagonal. Along U it may have no information but rounding
+    errors, and what U lacks in digits must be small next to the weakest of the other directions.
 
     Parameters
     ----------
@@ -51,26 +78,15 @@ def covariance_from_hessian(H: Array, U: Array, V: Array | None = None) -> Array
     Raises
     ------
     DataError
-        for other shapes, numbers that are not finite, an H that is not symmetric, or U outside its
-        null space
+        for other shapes, numbers that are not finite, an H that is not symmetric; where columns of U, or of
+        V, are dependent, or H has information along U (a soft prior, say)
+    IndefiniteError
+        where H has a negative eigenvalue
     DegenerateError
-        where H has further null directions
+        where H has further null directions, or the constraints leave part of the orbit free
     """
     H = symmetric("H", H)
     U = reals("U", U, (len(H), "d"), matrix=True)
-    V = U if V is None else reals("V", V, U.shape, matrix=True)
-    scale = np.sqrt(np.diagonal(H))
-    if not np.all(scale > 0):
-        raise DataError(
-            "H", "diagonal must be positive", row=int(np.argmin(scale)), value=float(scale.min()) ** 2
-        )
-    leak = np.linalg.norm((H @ U) / scale[:, None], axis=0) / np.linalg.norm(scale[:, None] * U, axis=0)
-    if np.max(leak) > 1e-6:
-        raise DataError(
-            "U",
-            "must be in the null space of H",
-            field=f"column {int(np.argmax(leak))}",
-            value=float(leak.max()),
-        )
-    G = inverse_on_complement(H, U)
-    return projected(G, U, V)
+    V = None if V is None else reals("V", V, U.shape, matrix=True)
+    G, U = generalised_inverse(H, U)
+    return oblique_projection(G, U, U if V is None else independent_columns("V", V))

@@ -8,32 +8,51 @@ import scipy.linalg.lapack as lapack
 from ..arrays import reals, symmetric
 from ..errors import DataError, DegenerateError
 from ..geometry.so3 import Array
+from ..observability.spectrum import DEPENDENT
 
-# Entries of the inverse of V^T U, scaled to entries of one: beyond this half of the digits are gone.
-_LARGEST_INVERSE = 1e8
+# Digits that (V^T U)^-1 may lose: beyond, what is left of a variance is no number.
+_LOST = 1e10
+
 # Largest part of H U, or of H cov H - H, in units of the standard deviations, that is an error of rounding.
 _FOREIGN = 1e-6
 
 
-def times_inverse(U: Array, V_T_U: Array) -> Array:
-    """U (V^T U)^-1. Raises DegenerateError where the constraints leave part of the orbit free."""
-    _, _, transposed, info = lapack.dgesv(V_T_U.T, U.T)
-    if info > 0 or not _solves(V_T_U):
+def along_orbit(U: Array, V: Array) -> Array:
+    """(n, d) U (V^T U)^-1: how the estimate moves on its orbit for one unit of each constraint of V.
+
+    Whether V^T U is singular is judged by the digits that its inverse loses, which no change of units,
+    scale or order of the columns alters. Raises DegenerateError where the constraints leave part of the
+    orbit free.
+    """
+    V_T_U = V.T @ U
+    inverse, info = lapack.dgetri(*lapack.dgetrf(V_T_U)[:2]) if V_T_U.size else (V_T_U, 0)
+    lost = np.abs(inverse) * (np.abs(V.T) @ np.abs(U)).T
+    if info or not lost.sum(axis=1).max(initial=0.0) < _LOST:
         raise DegenerateError("the gauge's constraints leave part of the gauge free")
-    return transposed.T
+    return U @ inverse
 
 
-def _solves(square: Array) -> bool:
-    """Whether a small matrix has an inverse of six digits, its rows and columns in any units."""
-    for axis in (1, 0):
-        square = square / np.abs(square).max(axis=axis, keepdims=True, initial=np.finfo(float).tiny)
-    _, _, inverse, info = lapack.dgesv(square, np.eye(len(square)))
-    return info == 0 and bool(np.abs(inverse).max(initial=0.0) < _LARGEST_INVERSE)
+def independent_columns(name: str, columns: Array) -> Array:
+    """A basis of the span of ``columns`` (n, d) that is orthonormal to rounding, row by row exact.
+
+    Far from the origin a turn is nearly a shift: products of such columns lose twice the digits that
+    the columns do. Raises DataError where they are dependent.
+    """
+    if not columns.size:
+        return columns
+    length = np.abs(columns).max(axis=0)
+    unit = columns / np.where(length > 0.0, length, 1.0)
+    R = np.asarray(np.linalg.qr(unit, mode="r"))
+    inverse, info = lapack.dtrtri(R) if len(R) == R.shape[1] else (R, 1)
+    # Rows of the inverse, in units of R's columns: the largest is at most the condition of the directions.
+    condition = np.sqrt(np.max(np.sum(R**2, axis=0) * np.sum(inverse**2, axis=1))) if not info else np.inf
+    if not condition * DEPENDENT < 1.0:
+        raise DataError(name, "columns must be independent", field="condition", value=float(condition))
+    return unit @ inverse
 
 
-def low_rank_projection(G: Array, G_V: Array, V_G_V: Array, U: Array, V_T_U: Array) -> Array:
-    """Q G Q^T from G, G V and V^T G V, for any number of constraints."""
-    W = times_inverse(U, V_T_U)
+def low_rank_projection(G: Array, G_V: Array, V_G_V: Array, W: Array) -> Array:
+    """Q G Q^T from G, G V, V^T G V and W = U (V^T U)^-1, for any number of constraints."""
     cross = (G_V - 0.5 * W @ V_G_V) @ W.T
     out = G - cross - cross.T
     return 0.5 * (out + out.T)
@@ -56,8 +75,9 @@ def project_covariance(covariance: Array, U: Array, V: Array, *, H: Array | None
     DataError
         for other shapes, numbers that are not finite, a covariance that is not symmetric or has a negative
         variance, and, with H, for U outside its null space or a covariance that is not of H
+        and where the columns of U, or those of V, are dependent
     DegenerateError
-        where V leaves part of U's directions free
+        where the constraints of V leave part of the orbit free
     """
     covariance = symmetric("covariance", covariance)
     n = len(covariance)
@@ -65,7 +85,7 @@ def project_covariance(covariance: Array, U: Array, V: Array, *, H: Array | None
     V = reals("V", V, (n, U.shape[1]), matrix=True)
     if H is not None:
         _require_partners(symmetric("H", H, n), U, covariance)
-    return projected(covariance, U, V)
+    return oblique_projection(covariance, independent_columns("U", U), independent_columns("V", V))
 
 
 def _require_partners(H: Array, U: Array, covariance: Array) -> None:
@@ -86,10 +106,10 @@ def _require_partners(H: Array, U: Array, covariance: Array) -> None:
         )
 
 
-def projected(covariance: Array, U: Array, V: Array) -> Array:
-    """Q cov Q^T of matrices that have been looked at, see :func:`project_covariance`."""
+def oblique_projection(covariance: Array, U: Array, V: Array) -> Array:
+    """As :func:`project_covariance`, with well-conditioned bases."""
     covariance_V = covariance @ V
-    return low_rank_projection(covariance, covariance_V, V.T @ covariance_V, U, V.T @ U)
+    return low_rank_projection(covariance, covariance_V, V.T @ covariance_V, along_orbit(U, V))
 
 
 def oblique_projector(U: Array, V: Array) -> Array:

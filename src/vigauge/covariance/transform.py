@@ -11,7 +11,7 @@ from ..gauge.group import orbit_tangent
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..model.state import State
-from .projection import projected
+from .projection import independent_columns, oblique_projection
 
 
 def transfer_blocks(state: State, moved: State, yaw: float, count: int) -> Array:
@@ -66,4 +66,5 @@ def transform_covariance(
     blocks = transfer_blocks(state, moved, yaw, n // 3)
     carried = (blocks @ covariance.reshape(n // 3, 3, n)).reshape(n, n)
     carried = (blocks @ carried.T.reshape(n // 3, 3, n)).reshape(n, n)
-    return projected(carried, orbit_tangent(moved)[:n], V[:n]), moved
+    U, V = independent_columns("U", orbit_tangent(moved)[:n]), independent_columns("V", V[:n])
+    return oblique_projection(carried, U, V), moved

@@ -22,7 +22,7 @@ from ..geometry.so3 import Array
 from ..kernels import rotation
 from ..model.factors import LinearFactor
 from ..model.state import State
-from .group import Group, YawTranslation, dimension
+from .group import Group, YawTranslation, dimension, local_tangent
 
 Index = NDArray[np.int64]
 
@@ -153,7 +153,7 @@ class FreeGauge:
         return None
 
     def normal(self, state: State) -> Array:
-        return self.group.tangent(state)
+        return local_tangent(self.group, state)
 
     def meet(self, state: State, reference: State) -> tuple[State, float]:
         """Any point of the orbit will do: the estimate stays where it is."""

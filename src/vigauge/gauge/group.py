@@ -54,6 +54,18 @@ def orbit_tangent(state: State) -> Array:
     return U
 
 
+def local_tangent(group: Group, state: State) -> Array:
+    """(9N + 3K, d) basis of the tangent of a group's orbit, about the state's local origin.
+
+    It spans what ``group.tangent`` spans. About an origin that is far away a turn is nearly a shift,
+    and products of the two lose all digits.
+    """
+    origin = state.local_origin
+    if origin.any():
+        state = replace(state, p_W=state.p_W - origin, X_W=state.X_W - origin)
+    return group.tangent(state)
+
+
 @dataclass(frozen=True)
 class YawTranslation:
     """Turns about gravity, then shifts: the gauge of visual-inertial problems, Eqs. (4)-(5)."""

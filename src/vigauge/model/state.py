@@ -126,6 +126,17 @@ class State:
         """n = 9N + 3K of Table I."""
         return 9 * self.n_keyframes + 3 * self.n_landmarks
 
+    @property
+    def local_origin(self) -> Array:
+        """(3,) the first position where W's origin is far away (a hundred times the path), else zero, m.
+
+        Map or Earth-centred coordinates (1e6 m and more) are long against what happens in them: a step is
+        then compared with the state about this point, and a turn is taken about it.
+        """
+        first = self.p_W[0]
+        far = np.abs(first).max() > 100.0 * np.abs(self.p_W - first).max()
+        return first if far and self.n_keyframes > 1 else np.zeros(3)
+
     def retract(self, delta: Array) -> State:
         """The state moved by an increment (9N + 3K,) in the order of this module, Eqs. (8)-(9).
 

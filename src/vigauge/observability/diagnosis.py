@@ -21,7 +21,7 @@ from scipy.special import chdtri
 
 from ..arrays import indices, reals, symmetric
 from ..errors import DataError
-from ..gauge.group import orbit_tangent
+from ..gauge.group import YawTranslation, local_tangent
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..model.problem import Problem
@@ -210,7 +210,7 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
     n_motion = 9 * state.n_keyframes
     null = NullSpace(reduced.matrix, equations.diagonal()[:n_motion])
     found = _Findings(null, reduced, equations)
-    tangent = orbit_tangent(state)[:n_motion]
+    tangent = local_tangent(YawTranslation(), state)[:n_motion]
     expected = null.take(tangent).shape[1]
     for kind, keyframes, candidates in unobservable_moves(problem, state):
         found.add(kind, keyframes, null.take(candidates))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import DegenerateError, SolverError
+from ..errors import DegenerateError, IndefiniteError, SolverError
 from ..geometry.so3 import Array
 from ..solver.normal_equations import NormalEquations, ReducedSystem
 from ..sparsity.layout import Index
@@ -20,6 +20,10 @@ from ..sparsity.rounding import rounding
 # Cosine above which a direction lies in the null space. Eigenvectors there are good to the
 # rounding error over the gap, so 1e-6 leaves room for gaps down to 1e-7.
 _INSIDE = 1.0 - 1e-6
+
+# Directions of unit length are dependent where their smallest singular value is below. A turn and a shift
+# seen from the centre of the Earth come to 1e-8 for a path of a tenth of a metre.
+DEPENDENT = 1e-11
 
 
 def scaled_eigenvalues(matrix: Array) -> Array:
@@ -113,6 +117,20 @@ def require_regular(trace: float, n: int) -> None:
         )
 
 
+def require_semidefinite(A: Array) -> None:
+    """IndefiniteError where a matrix A that was scaled to a unit diagonal has a negative eigenvalue."""
+    eigenvalues, vectors = np.linalg.eigh(0.5 * (A + A.T))
+    if eigenvalues[0] < -rounding(len(A)) * max(float(np.abs(eigenvalues).max()), 1.0):
+        weights = np.abs(vectors[:, 0])
+        largest = np.argsort(-weights)[:4]
+        where = sorted(map(int, largest[weights[largest] > 0.5 * weights.max()]))
+        raise IndefiniteError(
+            f"H is not positive semidefinite: {eigenvalues[0]:.0e} of its diagonal in a direction mostly of"
+            f" parameter {', '.join(map(str, where))}. It is no sum of squares, or lost digits"
+            " (stored in single precision, or as differences of large numbers)"
+        )
+
+
 class NullSpace:
     """Null space of a symmetric matrix after Jacobi scaling, and which of it is explained so far."""
 
@@ -142,7 +160,7 @@ class NullSpace:
         length = np.linalg.norm(scaled, axis=0)
         scaled = scaled[:, length > 0.0] / length[length > 0.0]
         span, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
-        span = span[:, sizes > 1e-8 * max(float(sizes.max(initial=0.0)), 1.0)]
+        span = span[:, sizes > DEPENDENT * max(float(sizes.max(initial=0.0)), 1.0)]
         left, cosines, _ = np.linalg.svd(self.basis.T @ span, full_matrices=False)
         inside = self.basis @ left[:, cosines > _INSIDE]
         inside -= self.explained @ (self.explained.T @ inside)

@@ -180,9 +180,13 @@ class _Objective:
         return self.spent
 
 
-def _state_norm(state: State) -> float:
-    """Norm of the parameters as Ceres sees them: unit quaternions for rotations after the first."""
-    return math.sqrt(squares(state.p_W, state.v_W, state.X_W, state.dphi_0) + state.n_keyframes - 1)
+def _state_norm(state: State, origin: Array) -> float:
+    """Norm of the parameters as Ceres sees them: unit quaternions for rotations after the first.
+
+    Lengths are about ``origin``: next to the distance of the Earth's centre every step is short.
+    """
+    p_W, X_W = (state.p_W - origin, state.X_W - origin) if origin.any() else (state.p_W, state.X_W)
+    return math.sqrt(squares(p_W, state.v_W, X_W, state.dphi_0) + state.n_keyframes - 1)
 
 
 def solve(
@@ -224,6 +228,7 @@ class _Run:
         self.begin = clock()
         self.objective = _Objective(problem, gauge, workers)
         self.held = gauge.held(problem.initial)
+        self.origin = problem.initial.local_origin
         self.region = _TrustRegion(options)
         self.trace: list[Iteration] = []
         self.states: list[State] = []
@@ -260,7 +265,7 @@ class _Run:
         there = self.objective.evaluate(self.here.state.retract(step))
         tolerance = self.options.parameter_tolerance
         length = math.sqrt(float(np.vdot(step, step)))
-        if self.moved and length <= tolerance * (_state_norm(self.here.state) + tolerance):
+        if self.moved and length <= tolerance * (_state_norm(self.here.state, self.origin) + tolerance):
             return Status.PARAMETER_TOLERANCE
         change = self.here.cost - there.cost
         if abs(change) <= self.options.function_tolerance * self.here.cost:
