@@ -157,7 +157,7 @@ def test_weights_scale_the_covariance(factor):
 
 @pytest.mark.parametrize("columns", ["sigma", "factors"])
 def test_problems_of_any_weight(columns):
-    """Catches an absolute threshold in the solver's own equations, at variances far from one."""
+    """Catches an absolute threshold in the solver's own equations."""
     problem, state = trial(0), estimate(0)
     for root in (1e-6, 1e6):
         f = problem.inertial

@@ -10,8 +10,9 @@ import pytest
 from support import degenerate as d
 from support.dense import dense_jacobian
 from support.simulated import estimate, trial
-from vigauge.errors import DataError
-from vigauge.gauge.gauges import FreeGauge
+from vigauge.covariance.covariance import motion_covariance
+from vigauge.errors import DataError, IndefiniteError
+from vigauge.gauge.gauges import CentroidGauge, FreeGauge
 from vigauge.gauge.group import orbit_tangent
 from vigauge.geometry import so3
 from vigauge.model.problem import Problem
@@ -101,7 +102,6 @@ REGULAR = {
     "constant acceleration": {"path": d.falling},
     "constant acceleration without rotation": {"path": d.falling, "turn": d.still},
     "two parts with an inertial link": {"sees": apart},
-    "one track": {"n_landmarks": 1},
     "pure rotation with stereo": {"path": d.still, "stereo": True},
 }
 
@@ -201,7 +201,44 @@ def test_stereo_at_rest_is_regular_but_has_no_covariance() -> None:
     problem = d.problem_of(d.still, d.still, stereo=True)
     found = diagnose(problem, problem.initial)
     assert not found.degenerate and found.motion == "standing still"
-    assert found.withheld.startswith("standing still")
+    assert found.withheld.startswith("standing still") and found.withheld in found.sentence
+    assert found.sentence.startswith("regular")
+
+
+def gentle(t: np.ndarray) -> np.ndarray:
+    """Acceleration of a sixth of a metre per second squared and less: the scale is known to its own size."""
+    return 0.3 * d.falling(t) + 0.7 * d.straight(t)
+
+
+def scale_sigma(problem: Problem, state: State) -> float:
+    """Marginal sigma of the path's size, from the covariance of all positions about their centre."""
+    path = (state.p_W - state.p_W.mean(axis=0)).ravel()
+    positions = motion_covariance(problem, state, CentroidGauge())[: len(path), : len(path)]
+    return float(np.sqrt(path @ positions @ path)) / float(path @ path)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"path": gentle}, {"path": gentle, "turn": d.still}, {"n_landmarks": 1}, {"path": d.straight}],
+)
+def test_a_badly_known_scale_is_flagged_by_its_marginal_sigma(settings: dict) -> None:
+    """The information of the scale alone is large where velocities and tilt may not move along."""
+    problem = noisy(d.problem_of(**settings)) if "path" in settings else d.problem_of(**settings)
+    state = solve(problem, FreeGauge()).state
+    found = diagnose(problem, state)
+    assert [direction.kind for direction in found.weak] == ["scale"]
+    sigma = scale_sigma(problem, state)
+    assert found.weak[0].sigma == pytest.approx(sigma, rel=1e-6) and sigma > 1.0 / 3.0
+    assert f"scale (sigma {sigma:.0%})" in found.sentence
+    assert found.withheld == found.sentence
+
+
+@pytest.mark.parametrize("stereo", [False, True])
+def test_a_well_known_scale_is_not_flagged(stereo: bool) -> None:
+    problem = noisy(d.problem_of(stereo=stereo))
+    state = solve(problem, FreeGauge()).state
+    assert scale_sigma(problem, state) < 0.1
+    assert diagnose(problem, state).sentence.endswith("no null direction is extra")
 
 
 def test_pure_rotation_of_the_camera_itself() -> None:
@@ -222,6 +259,43 @@ def test_an_absolute_measurement_is_missed_among_the_expected() -> None:
     H[0, 0] += 1e6
     found = diagnose_hessian(H, orbit_tangent(state))
     assert (found.expected, found.missing, found.degenerate) == (3, 1, False)
+    assert found.withheld == "1 of 4 expected directions are measured"
+    assert found.sentence.endswith("no null direction is extra; 1 of 4 expected directions are measured")
+
+
+@pytest.mark.parametrize("sigma", [1e-3, 1.0, 100.0])
+def test_a_prior_on_the_whole_gauge_is_said(sigma: float) -> None:
+    """A soft prior is no null space: H is invertible, and that is what to do."""
+    problem = d.problem_of()
+    H, U = linearise(problem, problem.initial).dense(), orbit_tangent(problem.initial)
+    rows = [0, 1, 2, 3 * problem.initial.n_keyframes + 2]
+    H[rows, rows] += sigma**-2
+    found = diagnose_hessian(H, U)
+    assert (found.expected, found.missing) == (0, 4)
+    said = "4 of 4 expected directions are measured: H is invertible, invert it"
+    assert said in found.sentence and found.withheld == said
+    # And where it is not: a velocity that nothing measures.
+    H[-1], H[:, -1] = 0.0, 0.0
+    found = diagnose_hessian(H, U)
+    assert found.degenerate and "invert it" not in found.sentence
+    assert "4 of 4 expected directions are measured; 1 more than the gauge" in found.sentence
+
+
+@pytest.mark.parametrize("size", [3e-2, 1e-9])
+@pytest.mark.parametrize("at", ["inside", "diagonal", "single precision"])
+def test_a_negative_eigenvalue_is_never_regular(size: float, at: str) -> None:
+    problem = d.problem_of()
+    H, U = linearise(problem, problem.initial).dense(), orbit_tangent(problem.initial)
+    scale = np.sqrt(np.diagonal(H))
+    values, vectors = np.linalg.eigh(H / scale[:, None] / scale)
+    if at == "inside":
+        H -= (values[4] + size) * np.outer(scale * vectors[:, 4], scale * vectors[:, 4])
+    if at == "diagonal":
+        H[5, 5] = -size
+    if at == "single precision":
+        H = H.astype(np.float32).astype(float)
+    with pytest.raises(IndefiniteError, match="H is not positive semidefinite: -.* of parameter"):
+        diagnose_hessian(H, U)
 
 
 def test_any_hessian_by_its_blocks() -> None:

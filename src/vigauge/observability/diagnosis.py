@@ -29,7 +29,7 @@ from ..model.state import State
 from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
 from ..sparsity.layout import Index
 from ..sparsity.rounding import rounding
-from .spectrum import NullSpace
+from .spectrum import NullSpace, require_semidefinite
 from .unobservable import measurement_graph, scaling, unobservable_moves
 
 # A quantity is determined if zero lies more than three of its standard deviations away.
@@ -42,6 +42,8 @@ _STILL_SHARE = 5e-3
 _STILL_TURN = np.radians(1.0)
 
 COMBINATION = "combination"
+STILL = "standing still"
+_REPEATED = "standing still: all views repeat the first, so their errors are not independent"
 _LANDMARKS_ONLY = {"position": 0.0, "rotation": 0.0, "velocity": 0.0, "landmark": 1.0}
 
 
@@ -56,6 +58,7 @@ class Direction:
     keyframes, landmarks : which it concerns; empty: all of them
     eigenvalue : largest of them in the scaled matrix, next to that matrix' largest
     shares : part of the squared length, by block (position, rotation, velocity, landmark)
+    sigma : of a weak scale: its marginal standard deviation as a share of the scale; zero for others
     """
 
     kind: str
@@ -64,6 +67,7 @@ class Direction:
     shares: Mapping[str, float]
     keyframes: tuple[int, ...] = ()
     landmarks: tuple[int, ...] = ()
+    sigma: float = 0.0
 
     def __str__(self) -> str:
         if self.landmarks:
@@ -72,7 +76,7 @@ class Direction:
             largest = [name for name, share in self.shares.items() if share > 0.1]
             return f"{self.count} {COMBINATION}{'s' * (self.count > 1)} of {', '.join(largest)}"
         where = f" of {_listed('keyframe', self.keyframes)}" if self.keyframes else ""
-        return self.kind + where
+        return self.kind + where + (f" (sigma {self.sigma:.0%})" if self.sigma else "")
 
 
 @dataclass(frozen=True)
@@ -113,12 +117,28 @@ class Diagnosis:
         return self.n_parameters - self.expected - sum(direction.count for direction in self.extra)
 
     @property
+    def measured(self) -> str:
+        """How many of the expected directions something measures, and what to do; empty where none."""
+        if not self.missing:
+            return ""
+        what = f"{self.missing} of {self.expected + self.missing} expected directions are measured"
+        if self.expected or self.degenerate:
+            return what
+        return f"{what}: H is invertible, invert it"
+
+    @property
     def sentence(self) -> str:
         """The finding in one sentence."""
         why = f" ({self.cause})" if self.cause else ""
         if not self.degenerate:
-            return f"regular: rank {self.rank} of {self.n_parameters}, gap {self.gap:.0e}{why}"
-        parts = []
+            parts = [
+                f"regular: rank {self.rank} of {self.n_parameters}, gap {self.gap:.0e}{why}",
+                "no null direction is extra",
+                self.measured,
+                _REPEATED if self.motion == STILL else "",
+            ]
+            return "; ".join(filter(None, parts))
+        parts = [self.measured] if self.missing else []
         if self.extra:
             count = sum(direction.count for direction in self.extra)
             names = ", ".join(map(str, self.extra))
@@ -132,13 +152,15 @@ class Diagnosis:
         """Why a covariance would mean nothing, in one sentence; empty where it means something.
 
         Not only degenerate problems: where nothing moves, every view repeats the first, so its
-        errors are no independent draws of the noise that the covariance believes in.
+        errors are no independent draws of the noise that the covariance believes in. And not a bare
+        matrix that measures an expected direction: no gauge has a choice there. (The covariance of a
+        problem looks for the open ones itself.)
         """
         if self.degenerate:
             return self.sentence
-        if self.motion == "standing still":
-            return "standing still: all views repeat the first, so their errors are not independent"
-        return ""
+        if self.motion == STILL:
+            return _REPEATED
+        return "" if self.motion else self.measured
 
 
 def _listed(what: str, numbers: Sequence[int]) -> str:
@@ -161,12 +183,14 @@ def diagnose_hessian(H: Array, U: Array, blocks: Mapping[str, Index] | None = No
     blocks : parameters of each named block; a null direction is named by the block that it lies
         in, or else as a combination with its shares. Without them all of H is one block.
 
-    Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric.
+    Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric, and
+    IndefiniteError where H has a negative eigenvalue.
     """
     H = symmetric("H", H)
     n = len(H)
     U = reals("U", U, (n, "d"), matrix=True)
     null = NullSpace(H, np.diagonal(H))
+    require_semidefinite(null.matrix)
     expected = null.take(U).shape[1]
     named = {name: indices("blocks", rows, n, field=name) for name, rows in (blocks or {}).items()}
     parts = named or {"parameters": np.arange(n, dtype=np.int64)}
@@ -309,10 +333,11 @@ class _Findings:
 def _weak_scale(
     found: _Findings, equations: NormalEquations, problem: Problem, state: State
 ) -> tuple[Direction, ...]:
-    """The scale, where changing it by all of itself costs no more than noise does.
+    """The scale, where three marginal sigmas reach zero, or where changing it costs no more than noise does.
 
-    With one camera the scale comes from accelerations only: its information is the energy of
-    their whitened signal, and that of noise is a chi-square of six numbers a factor.
+    Its sigma is that of the size of the path about its centre, with all else free to move along. With
+    one camera the scale comes from accelerations only: its information is the energy of their
+    whitened signal, and that of noise is a chi-square of six numbers a factor.
     """
     named = any(direction.kind == "scale" for direction in found.directions)
     if named or state.n_keyframes < 2 or not state.n_landmarks:
@@ -320,14 +345,19 @@ def _weak_scale(
     motion, landmark = scaling(problem, state)
     noise = float(chdtri(max(6 * len(problem.inertial.dt), 1), 1.0 - _QUANTILE))
     change = np.concatenate([motion, landmark.ravel()])
-    if change @ equations.times(change) > max(_SIGMAS**2, noise):
+    path = state.p_W - state.p_W.mean(axis=0)
+    functional = np.zeros(len(motion))
+    functional[: path.size] = path.ravel() / max(float(np.sum(path**2)), np.finfo(float).tiny)
+    sigma = found.null.sigma(functional) if _motion(equations, state) == "moving" else 0.0
+    if _SIGMAS * sigma <= 1.0 and change @ equations.times(change) > max(_SIGMAS**2, noise):
         return ()
     scaled = (motion * found.null.scale)[:, None]
     length = float(np.linalg.norm(scaled))
     # Without any motion the scale moves landmarks along their rays only, which is a matter of depths.
     if length < 1e-6:
         return ()
-    return (Direction("scale", 1, found.null.eigenvalue(scaled / length), found.shares(scaled / length)),)
+    scaled /= length
+    return (Direction("scale", 1, found.null.eigenvalue(scaled), found.shares(scaled), sigma=sigma),)
 
 
 def _rays(equations: NormalEquations, state: State) -> tuple[Array, Array]:
@@ -370,7 +400,7 @@ def _motion(equations: NormalEquations, state: State) -> str:
     turn = float(np.max(np.linalg.norm(so3.log(state.R_WB @ state.R_WB[0].T), axis=1)))
     if state.n_keyframes < 2 or extent > _STILL_SHARE * unit:
         return "moving"
-    return "standing still" if turn < _STILL_TURN else "pure rotation"
+    return STILL if turn < _STILL_TURN else "pure rotation"
 
 
 def _cause(problem: Problem, state: State, motion: str, blind: int, scale: bool) -> str:

@@ -79,9 +79,8 @@ class Spectrum:
 
 def _null(eigenvalues: Array) -> np.ndarray:
     """Which eigenvalues of a scaled matrix are zero to rounding."""
-    magnitude = np.abs(eigenvalues)
     # Of H scaled to a unit diagonal the largest is at least one; a Schur complement may be all rounding.
-    return magnitude < rounding(len(eigenvalues)) * max(float(magnitude.max()), 1.0)
+    return eigenvalues < rounding(len(eigenvalues)) * max(float(np.abs(eigenvalues).max()), 1.0)
 
 
 def _gap(eigenvalues: Array, null: np.ndarray) -> float:
@@ -138,10 +137,10 @@ class NullSpace:
         # A parameter without any information keeps its unit.
         self.scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         self.matrix = matrix / self.scale[:, None] / self.scale
-        self.eigenvalues, vectors = np.linalg.eigh(0.5 * (self.matrix + self.matrix.T))
+        self.eigenvalues, self.vectors = np.linalg.eigh(0.5 * (self.matrix + self.matrix.T))
         self.largest = max(float(np.max(np.abs(self.eigenvalues))), 1.0)
         null = _null(self.eigenvalues)
-        self.basis = vectors[:, null]
+        self.basis = self.vectors[:, null]
         self.explained = np.zeros((len(matrix), 0))
         self.gap = _gap(self.eigenvalues, null)
 
@@ -174,6 +173,12 @@ class NullSpace:
         left = self.basis - self.explained @ (self.explained.T @ self.basis)
         vectors, _, _ = np.linalg.svd(left, full_matrices=False)
         return vectors[:, : self.unexplained]
+
+    def sigma(self, functional: Array) -> float:
+        """Marginal standard deviation of a linear function (n,) that is zero on the null space."""
+        along = (functional / self.scale) @ self.vectors
+        known = ~_null(self.eigenvalues)
+        return float(np.sqrt(np.sum(along[known] ** 2 / self.eigenvalues[known])))
 
     def eigenvalue(self, directions: Array) -> float:
         """Largest scaled information along scaled unit directions, next to the largest eigenvalue."""
