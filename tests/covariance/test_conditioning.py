@@ -159,7 +159,7 @@ def test_weights_scale_the_covariance(factor):
 def test_problems_of_any_weight(columns):
     """Catches an absolute threshold in the solver's own equations."""
     problem, state = trial(0), estimate(0)
-    for root in (1e-6, 1e6):
+    for root in (1e-15, 1e-9, 1e9, 1e15):
         f = problem.inertial
         other = replace(
             problem,

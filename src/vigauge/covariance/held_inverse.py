@@ -107,5 +107,7 @@ class HeldInverse:
     def _require_regular(self, diagonal: Array) -> None:
         layout = self.reduced.structure.layout
         at = layout.stored[self.held]
-        information = layout.diagonal(self.reduced.storage)
-        require_regular(float(diagonal @ information - diagonal[at] @ information[at]), layout.size)
+        information = layout.diagonal(self.reduced.storage).copy()
+        # Not subtracted: held entries of the inverse are one, whatever the unit of the information.
+        information[at] = 0.0
+        require_regular(float(diagonal @ information), layout.size)

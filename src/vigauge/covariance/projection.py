@@ -24,10 +24,11 @@ def along_orbit(U: Array, V: Array) -> Array:
     scale or order of the columns alters. Raises DegenerateError where the constraints leave part of the
     orbit free.
     """
-    V_T_U = V.T @ U
-    inverse, info = lapack.dgetri(*lapack.dgetrf(V_T_U)[:2]) if V_T_U.size else (V_T_U, 0)
-    lost = np.abs(inverse) * (np.abs(V.T) @ np.abs(U)).T
-    if info or not lost.sum(axis=1).max(initial=0.0) < _LOST:
+    if not U.size:
+        return U
+    inverse, info = lapack.dgetri(*lapack.dgetrf(V.T @ U)[:2])
+    lost = np.abs(inverse) * (np.abs(U.T) @ np.abs(V))
+    if info or not lost.max() < _LOST:
         raise DegenerateError("the gauge's constraints leave part of the gauge free")
     return U @ inverse
 

@@ -61,7 +61,7 @@ def local_tangent(group: Group, state: State) -> Array:
     and products of the two lose all digits.
     """
     origin = state.local_origin
-    if origin.any():
+    if origin is not None:
         state = replace(state, p_W=state.p_W - origin, X_W=state.X_W - origin)
     return group.tangent(state)
 

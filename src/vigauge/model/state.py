@@ -10,6 +10,7 @@ velocities (9N), then the landmarks (3K).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,15 +128,18 @@ class State:
         return 9 * self.n_keyframes + 3 * self.n_landmarks
 
     @property
-    def local_origin(self) -> Array:
-        """(3,) the first position where W's origin is far away (a hundred times the path), else zero, m.
+    def local_origin(self) -> Array | None:
+        """(3,) the first position, m, where W's origin is far away (a hundred times the path), else None.
 
         Map or Earth-centred coordinates (1e6 m and more) are long against what happens in them: a step is
         then compared with the state about this point, and a turn is taken about it.
         """
-        first = self.p_W[0]
-        far = np.abs(first).max() > 100.0 * np.abs(self.p_W - first).max()
-        return first if far and self.n_keyframes > 1 else np.zeros(3)
+        first = self.p_W[0].tolist()
+        size = max(map(abs, first))
+        # The last position says enough of most paths.
+        if size <= 100.0 * math.dist(first, self.p_W[-1].tolist()):
+            return None
+        return self.p_W[0] if size > 100.0 * np.abs(self.p_W - self.p_W[0]).max() else None
 
     def retract(self, delta: Array) -> State:
         """The state moved by an increment (9N + 3K,) in the order of this module, Eqs. (8)-(9).

@@ -180,12 +180,12 @@ class _Objective:
         return self.spent
 
 
-def _state_norm(state: State, origin: Array) -> float:
+def _state_norm(state: State, origin: Array | None) -> float:
     """Norm of the parameters as Ceres sees them: unit quaternions for rotations after the first.
 
-    Lengths are about ``origin``: next to the distance of the Earth's centre every step is short.
+    Lengths are about ``origin``, if any: next to the distance of the Earth's centre every step is short.
     """
-    p_W, X_W = (state.p_W - origin, state.X_W - origin) if origin.any() else (state.p_W, state.X_W)
+    p_W, X_W = (state.p_W, state.X_W) if origin is None else (state.p_W - origin, state.X_W - origin)
     return math.sqrt(squares(p_W, state.v_W, X_W, state.dphi_0) + state.n_keyframes - 1)
 
 
