@@ -141,7 +141,7 @@ def test_single_precision_is_not_called_regular():
 def test_a_negative_diagonal_is_refused():
     H, U, _, _ = flight()
     H[7, 7] *= -1.0
-    with pytest.raises(DataError, match="H, row 7: diagonal must be positive"):
+    with pytest.raises(DataError, match="H, row 7: must have a diagonal without negative entries"):
         covariance_from_hessian(H, U)
 
 

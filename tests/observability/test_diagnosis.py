@@ -282,7 +282,7 @@ def test_a_prior_on_the_whole_gauge_is_said(sigma: float) -> None:
 
 
 @pytest.mark.parametrize("size", [3e-2, 1e-9])
-@pytest.mark.parametrize("at", ["inside", "diagonal", "single precision"])
+@pytest.mark.parametrize("at", ["inside", "single precision"])
 def test_a_negative_eigenvalue_is_never_regular(size: float, at: str) -> None:
     problem = d.problem_of()
     H, U = linearise(problem, problem.initial).dense(), orbit_tangent(problem.initial)
@@ -290,8 +290,6 @@ def test_a_negative_eigenvalue_is_never_regular(size: float, at: str) -> None:
     values, vectors = np.linalg.eigh(H / scale[:, None] / scale)
     if at == "inside":
         H -= (values[4] + size) * np.outer(scale * vectors[:, 4], scale * vectors[:, 4])
-    if at == "diagonal":
-        H[5, 5] = -size
     if at == "single precision":
         H = H.astype(np.float32).astype(float)
     with pytest.raises(IndefiniteError, match="H is not positive semidefinite: -.* of parameter"):
