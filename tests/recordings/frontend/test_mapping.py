@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.stereo_tracks import World, make_world
+from support.stereo_tracks import World, make_world, pixels
 from vigauge.errors import DataError
 from vigauge.geometry import so3
 from vigauge.recordings.frontend.mapping import Map, pose_keyframes
@@ -73,5 +73,40 @@ def test_keyframe_that_sees_too_little_is_named() -> None:
     with pytest.raises(DataError) as caught:
         mapped(world, world.tracks.where(few))
     assert caught.value.row == 4 and caught.value.field == "keyframe"
+    assert "closer in time" in str(caught.value)
     with pytest.raises(DataError):
         mapped(world, world.tracks.where(np.zeros(len(few), dtype=bool)))
+
+
+def test_keyframe_waits_for_a_later_one_that_shares_points_with_it() -> None:
+    """A keyframe that looks elsewhere than all before it ends the sequence, though later ones see both."""
+    world = make_world(5, 6, 300)
+    tracks = world.tracks
+    late = tracks.track % 2 == 1
+    alone = np.where(tracks.keyframe <= 1, ~late, (tracks.keyframe != 2) | late)
+    result = mapped(world, tracks.where(alone))
+    np.testing.assert_allclose(result.p_M, world.p_M, atol=1e-5)
+
+
+def test_keyframe_with_poor_depths_is_posed_by_lines() -> None:
+    """Stereo depths off by metres, seen from a metre beside: few points agree, or on a wrong pose."""
+    world = make_world(6, 2, 200, depth_m=(4.0, 9.0), sigma_px=0.5)
+    cameras = world.cameras
+    p_M, R_MB = world.p_M.copy(), world.R_MB.copy()
+    centre = cameras[0].R_BC @ [0.0, 0.0, 6.0] + cameras[0].p_BC
+    R_MB[1] = so3.exp(0.25 * cameras[0].R_BC[:, 1])
+    # The body goes round the middle of the scene.
+    p_M[1] = centre - R_MB[1] @ centre
+    tracks = world.tracks
+    uv, noise = tracks.uv.copy(), np.random.default_rng(6)
+    for index, camera in enumerate(cameras):
+        rows = np.flatnonzero((tracks.keyframe == 1) & (tracks.camera == index))
+        seen = pixels(camera, p_M[1], R_MB[1], world.X_M[tracks.track[rows]])
+        uv[rows] = seen + noise.normal(0.0, 0.5, seen.shape)
+    seen_tracks = replace(tracks, uv=uv).where(np.isfinite(uv[:, 0]))
+    result = mapped(world, seen_tracks)
+    step = np.linalg.norm(p_M[1])
+    assert result.inliers[1] > 0.8 * result.tried[1]
+    assert step > 1.0 and np.linalg.norm(result.p_M[1] - p_M[1]) < 0.08 * step
+    by_points = mapped(world, seen_tracks, pose=replace(POSE, sure_inliers=5))
+    assert by_points.inliers[1] < 0.6 * by_points.tried[1]

@@ -7,7 +7,7 @@ Solving serves here only to find outliers; its estimate is thrown away.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from collections.abc import Sequence as SequenceOf
 from dataclasses import dataclass
 from typing import Any
@@ -134,7 +134,7 @@ def _track(
     return track_by_flow(read, bar, keyframes, dR_B, geometry, settings.optical_flow, settings.stereo)
 
 
-def _bar(items: SequenceOf[int], label: str, progress: bool) -> Iterable[int]:
+def _bar(items: SequenceOf[int], label: str, progress: bool) -> Collection[int]:
     bar: Any = tqdm(items, desc=label, unit="frame", disable=not progress)
     return bar
 

@@ -6,8 +6,8 @@ pose of the other (PnP RANSAC), and with that pose all other matches must fit th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...geometry import so3
 from ...geometry.camera import undistort_pixels
 from ...geometry.so3 import Array
+from .epipolar import relative_pose
 from .frames import require_change
 from .pnp import estimate_pose, reprojection_error
 from .settings import DescriptorSettings, PoseSettings, StereoSettings
@@ -103,7 +104,18 @@ class DescriptorMatcher:
         descriptors: DescriptorSettings,
         stereo: StereoSettings,
         pose: PoseSettings,
+        wide: bool = False,
     ) -> None:
+        """``wide``: for views far apart; more features, and pairs are verified by epipolar lines alone."""
+        if wide:
+            descriptors = replace(
+                descriptors,
+                features=min(2 * descriptors.features, 20_000),
+                contrast=0.5 * descriptors.contrast,
+                ratio=0.5 * (1.0 + descriptors.ratio),
+                pair_inliers=2 * descriptors.pair_inliers,
+            )
+        self.wide = wide
         self.geometry, self.settings, self.stereo, self.pose = geometry, descriptors, stereo, pose
         self.counts = MatchCounts()
         self.detector = cv2.SIFT_create(
@@ -150,6 +162,8 @@ class DescriptorMatcher:
         """(P, 2) matches between the left images of two keyframes that fit one relative pose."""
         pairs = mutual_matches(squared_distances(first.descriptors, second.descriptors), self.settings.ratio)
         K = self.geometry.left.K
+        if self.wide:
+            return self._along_lines(first, second, pairs)
         known = first.has_depth[pairs[:, 0]]
         points, uv = first.points_C[pairs[:, 0]], second.uv[pairs[:, 1]]
         pose = estimate_pose(points[known], uv[known], K, self.pose.reprojection_px, self.pose.rounds)
@@ -167,10 +181,22 @@ class DescriptorMatcher:
         self.counts.lost["pair geometry"] += int(np.count_nonzero(~good))
         return pairs[good]
 
+    def _along_lines(self, first: _StereoFeatures, second: _StereoFeatures, pairs: Index) -> Index:
+        """The matches (P, 2) that fit one essential matrix, or none."""
+        uv_first, uv_second = first.uv[pairs[:, 0]], second.uv[pairs[:, 1]]
+        step = relative_pose(uv_first, uv_second, self.geometry.left.K, self.stereo.epipolar_px)
+        if step is None or np.count_nonzero(step[2]) < self.settings.pair_inliers:
+            self.counts.pairs_refused += 1
+            self.counts.lost["pair refused"] += len(pairs)
+            return pairs[:0]
+        self.counts.pairs_verified += 1
+        self.counts.lost["pair geometry"] += int(np.count_nonzero(~step[2]))
+        return pairs[step[2]]
+
 
 def track_by_descriptors(
     read: Callable[[int, int], Image],
-    keyframes: Iterable[int],
+    keyframes: Collection[int],
     geometry: StereoGeometry,
     descriptors: DescriptorSettings,
     stereo: StereoSettings,
@@ -178,22 +204,18 @@ def track_by_descriptors(
 ) -> tuple[Tracks, MatchCounts]:
     """Tracks over stereo keyframes; ``read`` gives the raw image of (frame, camera).
 
+    Where a keyframe has fewer than ``descriptors.sure_matches`` matches with every one of those just
+    before it, all are matched anew: with more features, and against earlier ones until enough match.
+
     Raises DataError where two successive keyframes are the same to the last bit: the camera was frozen.
     """
     matcher = DescriptorMatcher(geometry, descriptors, stereo, pose)
-    features: list[_StereoFeatures] = []
-    matches: list[Index] = []
-    offset = [0]
-    before: Image | None = None
-    for number, frame in enumerate(keyframes):
-        left = read(frame, LEFT)
-        before = require_change(before, left, frame)
-        here = matcher.stereo_features(left, read(frame, RIGHT))
-        for earlier in range(max(number - descriptors.look_back, 0), number):
-            pairs = matcher.verified_matches(features[earlier], here)
-            matches.append(pairs + np.array([offset[earlier], offset[number]]))
-        features.append(here)
-        offset.append(offset[-1] + len(here.uv))
+    features, matches, weakest = _match(matcher, read, keyframes, descriptors.look_back, 0)
+    sure = descriptors.sure_matches
+    if weakest < sure:
+        matcher = DescriptorMatcher(geometry, descriptors, stereo, pose, wide=True)
+        features, matches, _ = _match(matcher, read, keyframes, descriptors.look_back, sure)
+    offset = np.cumsum([0] + [len(here.uv) for here in features])
     image = np.repeat(np.arange(len(features)), np.diff(offset))
     joined = np.concatenate(matches) if matches else np.empty((0, 2), dtype=np.int64)
     track, n_tracks, n_conflicting = join_matches(image, joined)
@@ -205,3 +227,37 @@ def track_by_descriptors(
             seen = (number_of >= 0) & np.isfinite(uv[:, 0])
             observations.append(image_observations(number, camera, number_of[seen], uv[seen]))
     return concatenate(observations, n_tracks), matcher.counts
+
+
+def _match(
+    matcher: DescriptorMatcher,
+    read: Callable[[int, int], Image],
+    keyframes: Iterable[int],
+    look_back: int,
+    sure: int,
+) -> tuple[list[_StereoFeatures], list[Index], int]:
+    """Features by keyframe; matches by pair, features numbered through; the matches with its best
+    partner that the worst keyframe has.
+
+    A keyframe is matched with the ``look_back`` before it, and with those before them until one
+    gives ``sure`` matches.
+    """
+    features: list[_StereoFeatures] = []
+    matches: list[Index] = []
+    offset, weakest = [0], np.iinfo(np.int64).max
+    before: Image | None = None
+    for number, frame in enumerate(keyframes):
+        left = read(frame, LEFT)
+        before = require_change(before, left, frame)
+        here = matcher.stereo_features(left, read(frame, RIGHT))
+        best = 0
+        for earlier in reversed(range(number)):
+            if number - earlier > look_back and best >= sure:
+                break
+            pairs = matcher.verified_matches(features[earlier], here)
+            matches.append(pairs + np.array([offset[earlier], offset[number]]))
+            best = max(best, len(pairs))
+        weakest = min(weakest, best) if number else weakest
+        features.append(here)
+        offset.append(offset[-1] + len(here.uv))
+    return features, matches, int(weakest)

@@ -80,6 +80,9 @@ class DescriptorSettings:
     ratio: float = _real("1", "largest nearest to second nearest descriptor distance", 0.1, 1.0, 0.8)
     stereo_ratio: float = _real("1", "the same along epipolar lines between the cameras", 0.1, 1.0, 0.8)
     look_back: int = _count("keyframes", "earlier keyframes that each is matched with", 1, 100, 6)
+    sure_matches: int = _count(
+        "matches", "where a keyframe has fewer with all just before it, all match widely", 0, 20_000, 100
+    )
     pair_inliers: int = _count("matches", "least matches that agree on a relative pose", 5, 1000, 15)
 
 
@@ -101,6 +104,9 @@ class PoseSettings:
     reprojection_px: float = _real("px", "largest reprojection error of an inlier", 0.1, 50.0, 2.5)
     rounds: int = _count("rounds", "RANSAC rounds", 10, 100_000, 300)
     inliers: int = _count("points", "least inliers of a keyframe", 5, 10_000, 20)
+    sure_inliers: int = _count(
+        "points", "inliers that need no more keyframes; with fewer, the map grows", 5, 10_000, 60
+    )
     map_keyframes: int = _count(
         "keyframes", "keyframes just before, whose points a pose is found by; more where needed", 1, 1000, 1
     )
