@@ -6,13 +6,18 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vigauge.geometry import so3
+from vigauge.recordings.asl.images import read_image
 from vigauge.recordings.frontend.descriptor_matching import (
     DescriptorMatcher,
+    MatchCounts,
     mutual_matches,
     squared_distances,
+    track_by_descriptors,
 )
 from vigauge.recordings.frontend.settings import DescriptorSettings, PoseSettings, StereoSettings
-from vigauge.recordings.frontend.stereo import StereoGeometry
+from vigauge.recordings.frontend.stereo import StereoGeometry, epipolar_distance
+from vigauge.recordings.frontend.tracks import LEFT, Tracks
 from vigauge_paper.stand_in.flight import euroc_cameras
 
 GEOMETRY = StereoGeometry(*euroc_cameras())
@@ -69,3 +74,39 @@ def test_blank_images_give_no_features() -> None:
     under_test = matcher()
     assert len(under_test.verified_matches(features, other)) == 0
     assert under_test.counts.pairs_refused == 1
+
+
+def test_thin_matches_are_widened(rendered) -> None:
+    """Keyframes far apart end a sequence although more features, on lines alone, join them."""
+    frames, images = rendered.sequence.frames, (0, 15, 30)
+    paths = (frames.left, frames.right)
+
+    def tracks(sure: int) -> tuple[Tracks, MatchCounts]:
+        settings = DescriptorSettings(features=150, look_back=1, sure_matches=sure)
+        return track_by_descriptors(
+            lambda frame, camera: read_image(paths[camera][frame], rendered.sequence.cameras[camera]),
+            images,
+            GEOMETRY,
+            settings,
+            StereoSettings(),
+            PoseSettings(),
+        )
+
+    (thin, counts), (wide, widened) = tracks(0), tracks(20_000)
+    assert counts.pairs_verified + counts.pairs_refused == 2
+    # Every keyframe with all before it, not just with the one before.
+    assert widened.pairs_verified + widened.pairs_refused == 3
+    assert np.sum(wide.keyframes_per_track() > 1) > 1.5 * np.sum(thin.keyframes_per_track() > 1)
+    again, _ = tracks(20_000)
+    np.testing.assert_array_equal(again.uv, wide.uv)
+    # The tracks fit the exact motion, except for a few that slid along their line.
+    first, last = (wide.seen_at(k, LEFT) for k in (0, 2))
+    track, a, b = np.intersect1d(first[1], last[1], return_indices=True)
+    (R_1, p_1), (R_2, p_2) = (rendered.exact.pose(int(frames.t_ns[images[k]])) for k in (0, 2))
+    camera = GEOMETRY.left
+    R_CW = (R_2 @ camera.R_BC).T
+    R_21 = R_CW @ R_1 @ camera.R_BC
+    p_21 = R_CW @ (p_1 + R_1 @ camera.p_BC - p_2 - R_2 @ camera.p_BC)
+    inverse = np.linalg.inv(camera.K)
+    distance = epipolar_distance(inverse.T @ so3.hat(p_21) @ R_21 @ inverse, first[2][a], last[2][b])
+    assert len(track) > 10 and np.mean(distance < 3.0) > 0.9
