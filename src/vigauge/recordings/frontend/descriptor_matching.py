@@ -2,6 +2,7 @@
 
 Every pair of keyframes is verified on its own: points with stereo depth in the one fix the
 pose of the other (PnP RANSAC), and with that pose all other matches must fit the epipolar lines.
+Where keyframes are far apart, the lines alone verify a pair.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Keyframe poses one after the other, by PnP against the points that the keyframes just before see.
+"""Keyframe poses one after the other, by PnP against the points that the keyframes nearby see.
 
 Poses are in the frame M of the map: the body at the first keyframe.
 """
@@ -50,7 +50,8 @@ def pose_keyframes(
 ) -> Map:
     """Poses of all keyframes by PnP RANSAC of the left camera.
 
-    The points for it are triangulated from the last ``pose.map_keyframes`` keyframes alone.
+    The points for it are triangulated from the ``pose.map_keyframes`` posed keyframes nearest in order,
+    which are the last ones, and from more where fewer than ``pose.sure_inliers`` agree.
     A map that keeps its points for good gives a somewhat better start, but refuses
     observations for disagreeing with the map's own old errors, and what it leaves is biased
     towards the start.
