@@ -8,15 +8,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from support.simulated import scene, trial
+from support import ROOT
+from support.simulated import SETTINGS, scene, trial
+from vigauge.errors import ConfigError
 from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge, three_gauges
 from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge_paper.experiments import bias_hypothesis
 from vigauge_paper.experiments.exchange import exchange, exchange_published, exchanged
+from vigauge_paper.experiments.experiment import Material
 from vigauge_paper.experiments.iteration_time import Settings, dense_times, iteration_times
 from vigauge_paper.experiments.orbit import cost_on_orbit
 from vigauge_paper.experiments.reading import PAPER, QUANTITIES, pulls, slopes
 from vigauge_paper.experiments.solves import solve_all
 from vigauge_paper.experiments.yaw import yaw_drift
+from vigauge_paper.ids import TRAJECTORIES
+
+PUBLISHED = ROOT / "data" / "published"
 
 
 def test_cost_is_the_same_on_the_orbit_only() -> None:
@@ -113,3 +120,23 @@ def test_dense_solves_of_both_sizes_are_timed() -> None:
     assert [(row["what"], row["repeat"], row["seconds"]) for row in rows] == [
         (what, repeat, 1.0) for repeat in (0, 1) for what in ("dense 9N", "dense 9N - 4")
     ]
+
+
+def test_a_hidden_bias_grows_the_errors_and_none_leaves_them() -> None:
+    """Catches a bias that the problems take off again, and one that reaches the other configurations."""
+    none = dict.fromkeys(TRAJECTORIES, (0.0, 0.0, 0.0))
+    hidden = bias_hypothesis.Settings(1, none | {"arc": (0.0, 0.0, 0.02)}, none)
+    material = Material(SETTINGS, Options(), 1e5, "sine_plane", lambda: 0.0, published=PUBLISHED)
+    table = pd.DataFrame(bias_hypothesis.rows(material, hidden))
+    assert list(table.columns) == ["configuration", "error", "published", "without", "with_bias", "ratio"]
+    assert len(table) == 18
+    assert np.allclose(table["ratio"] * table["published"], table["with_bias"])
+    arc = table["configuration"].str.startswith("arc")
+    rotation = table["error"] == "phi_rmse_deg"
+    assert (table["with_bias"] > 2.0 * table["without"])[arc & rotation].all()
+    assert (table["with_bias"] == table["without"])[~arc].all()
+
+
+def test_biases_must_name_every_trajectory() -> None:
+    with pytest.raises(ConfigError, match="gyro_bias_radps"):
+        bias_hypothesis.Settings(1, {"sine": (0.0, 0.0, 0.0)}, dict.fromkeys(TRAJECTORIES, (0.0, 0.0, 0.0)))

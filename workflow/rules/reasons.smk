@@ -15,7 +15,7 @@ rule reasons:
         published=expand(
             "{folder}/{file}",
             folder=PUBLISHED_FOLDER,
-            file=["fig06_prior_error_paths.csv", "fig09.npz", "fig10.npz"],
+            file=["table2.csv", "fig06_prior_error_paths.csv", "fig09.npz", "fig10.npz"],
         ),
         sweep_trace="data/prior_sweep/trace.csv",
         stamps=[

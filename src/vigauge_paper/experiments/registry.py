@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from . import (
+    bias_hypothesis,
     damping,
     exchange,
     iteration_time,
@@ -21,6 +22,7 @@ _ALL = (
     weights.EXPERIMENT,
     exchange.EXPERIMENT,
     reading.EXPERIMENT,
+    bias_hypothesis.EXPERIMENT,
     iteration_time.EXPERIMENT,
 )
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
