@@ -13,7 +13,7 @@ FOLDERS = ("data", "paper_figures")
 # Files that hold nothing but times, and drawings of times; the ledger's page has those inside.
 TIMES_ONLY = ("timing.csv", "timing.json", "iteration_time.csv", "claims.html")
 DRAWN_TIMES = ("fig05_", "fig07_", "fig11_")
-# Lines of the comparison: a time, or how many numbers of such a figure are off by a factor of two.
+# Lines of the comparison: a time, or how many numbers of such a figure lie inside our range.
 _TIMED = re.compile(r"time|^\| fig(05|07|11) \| \d+ \|")
 
 

@@ -142,8 +142,12 @@ LEDGER_FILES = [
     "environment.json",
 ]
 SUMMARY_FILES = ["table2", "table3", *(FIGURES[key].stem for key in ("fig07", "fig11"))]
-COMPARED_FIGURES = ["fig04", "fig05", "fig06", "fig07", "fig11"]
-COMPARED_FILES = ["table2", "table3", *(FIGURES[key].stem for key in COMPARED_FIGURES)]
+COMPARED_FILES = [
+    *(f"{name}.csv" for name in ["table2", "table3"]),
+    *(f"{FIGURES[key].stem}.csv" for key in ("fig01", "fig04", "fig05", "fig06", "fig07", "fig11")),
+    "fig09.npz",
+    "fig10.npz",
+]
 SHOW_PUBLISHED = config["figures"]["show_published"]
 PUBLISHED_FLAG = f"--published {shlex.quote(PUBLISHED_FOLDER)}" if SHOW_PUBLISHED else ""
 # Stand-ins and other sequences are not set beside the paper's EuRoC results.

@@ -388,10 +388,18 @@ rule claims_page:
 
 rule comparison:
     input:
-        f"{OUT}/table2.csv",
-        f"{OUT}/table3.csv",
-        expand("{folder}/{name}.csv", folder=OUT, name=[FIGURES[key].stem for key in COMPARED_FIGURES]),
-        published=expand("{folder}/{file}.csv", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
+        expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
+        expand("data/covariance/{name}.npz", name=EXPERIMENTS),
+        expand("data/prior_sweep/{file}.csv", file=["sweep", "timing", "trace"]),
+        published=expand("{folder}/{file}", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
+        problems=f"data/simulation/{config['prior']['sweep_configuration']}/problems.npz",
+        hypothesis=REASON_TABLES["bias_hypothesis"],
+        stamps=[
+            *expand("data/solutions/{name}/stamp.json", name=EXPERIMENTS),
+            *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
+            "data/prior_sweep/stamp.json",
+            "data/reasons/stamp.json",
+        ],
         code=code_of("comparison"),
     output:
         csv=report(f"{OUT}/comparison.csv", caption="../report/comparison.rst", category="Claims"),
@@ -401,18 +409,30 @@ rule comparison:
     conda:
         "../envs/vigauge.yaml"
     params:
-        artefacts=folder_of_output,
+        solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
+        timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
+        covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
+        sweep="data/prior_sweep",
         published=folder_of_published,
+        reading=config["prior"]["reading"],
+        solver=section("solver"),
+        seed=config["claims"]["seed"],
         source=SOURCE_OF_CLAIMS,
         names=[
             f"{name}={PUBLISHED_NAMES[name]}"
             for name in (PAPER_SEQUENCES if SEQUENCES_ARE_PUBLISHED else [])
         ],
+        sensitivity=sensitivity_flag(),
+        sensitivity_digest=sensitivity_digest(),
     message:
-        "Published numbers and ours, with ratios"
+        "Published numbers and ours, with ranges and ratios"
     shell:
-        "python -m vigauge_paper.commands.comparison --artefacts {params.artefacts:q} --published {params.published:q}"
-        " --source {params.source} --published-names {params.names:q} --output {output.csv:q} --log {log:q}"
+        "python -m vigauge_paper.commands.comparison --solutions {params.solutions:q} --timings {params.timings:q}"
+        " --covariances {params.covariances:q} --sweep {params.sweep}/sweep.csv --sweep-timing {params.sweep}/timing.csv"
+        " --sweep-trace {params.sweep}/trace.csv --problems {input.problems:q} --prior-reading {params.reading}"
+        " --solver {params.solver:q} --hypothesis {input.hypothesis:q} --published {params.published:q} --seed {params.seed}"
+        " --source {params.source} --published-names {params.names:q} {params.sensitivity} --output {output.csv:q}"
+        " --stamps {input.stamps:q} --log {log:q}"
 
 
 rule summary:

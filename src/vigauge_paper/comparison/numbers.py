@@ -1,198 +1,200 @@
-"""Every published number of Tables II and III and Figures 4 to 7 and 11 beside ours, with the ratio."""
+"""Every published number of Tables II and III and of Figures 1, 4 to 7 and 9 to 11 beside ours."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from vigauge.model.archive import load_arrays, load_problems
+from vigauge.solver.levenberg_marquardt import Options
+
+from ..experiments.exchange import published_magnitude
+from ..experiments.timing import paired_ratios, timing_of
 from ..figures.registry import FIGURES
-from ..ids import ERRORS
+from ..figures.statistics import converged_only
+from ..ids import CONFIGURATIONS, ERRORS, FIX, FREE
+from .number import Number, number
+from .sigmas import deviations, of_trials
 
-Row = dict[str, object]
-
-# Ratios beyond this, or below its inverse, are marked.
-FACTOR = 2.0
-
-_BOX = ("q1", "median", "q3")
+_BOX = {"q1": 25, "median": 50, "q3": 75}
 # Our columns of the two panels of Fig. 6.
 _PANELS = {"yaw_rad": "prior_yaw_rad", "position_m": "prior_position_m"}
+_BLOCKS = ("sigma_p_m", "sigma_phi_rad", "sigma_v_mps")
 
 
 @dataclass(frozen=True)
-class Number:
-    """A published number and ours; ``case`` is a configuration, a sequence, or a weight (and step)."""
+class Results:
+    """Where our results and the paper's numbers are.
 
-    artefact: str
-    case: str
-    gauge: str
-    quantity: str
-    published: float
-    ours: float
-
-    @property
-    def ratio(self) -> float:
-        """Ours over the published: 1 where both are zero, nan where only the published is."""
-        if self.published == 0.0:
-            return 1.0 if self.ours == 0.0 else float("nan")
-        return self.ours / self.published
-
-    @property
-    def outside(self) -> bool:
-        """Whether the ratio lies outside a factor of two; a ratio that does not exist does."""
-        return not 1.0 / FACTOR <= self.ratio <= FACTOR
-
-
-def numbers(artefacts: Path, published: Path, sequences: Mapping[str, str]) -> list[Number]:
-    """All numbers that can be compared.
-
-    ``artefacts`` and ``published`` are the folders of our results and of the paper's numbers;
-    ``sequences`` maps our names to the paper's, empty where ours are not the paper's.
+    ``solutions``, ``timings`` and ``covariances`` of all experiments by name; tables of the sweep, of which
+    those under ``reading`` count; ``problems`` of ``sweep_configuration``, for Fig. 9; ``published`` is the
+    folder of the paper's numbers. ``sequences`` maps our names to the paper's (MH, VI), empty where ours are
+    not the paper's.
     """
 
-    def pair(name: str) -> tuple[Path, Path]:
-        file = f"{FIGURES[name].stem if name in FIGURES else name}.csv"
-        return artefacts / file, published / file
+    solutions: Mapping[str, Path]
+    timings: Mapping[str, Path]
+    covariances: Mapping[str, Path]
+    sweep: Path
+    sweep_timing: Path
+    sweep_trace: Path
+    reading: str
+    problems: Path
+    solver: Options
+    published: Path
+    sequences: Mapping[str, str]
 
-    out = [
-        *_table(*pair("table2"), "table2", None),
-        *_prior_accuracy(*pair("fig04")),
-        *_prior_cost(*pair("fig05")),
-        *_prior_paths(*pair("fig06")),
-        *_cost(*pair("fig07"), "fig07", None),
+    def paper(self, name: str) -> pd.DataFrame:
+        stem = FIGURES[name].stem if name in FIGURES else name
+        return pd.read_csv(self.published / f"{stem}.csv", dtype={"weight": str})
+
+    def solved(self, name: str) -> pd.DataFrame:
+        """Converged runs of an experiment under the headline noise."""
+        return converged_only(pd.read_csv(self.solutions[name]).query("noise == 'headline'"))[0]
+
+    def swept(self, file: Path) -> pd.DataFrame:
+        """A table of the sweep under the reading that counts, weights as numbers; the free gauge's is nan."""
+        table = pd.read_csv(file, dtype={"weight": str}).query("reading == @self.reading")
+        return table.assign(number=pd.to_numeric(table["weight"], errors="coerce"))
+
+
+def numbers(results: Results) -> tuple[list[Number], list[Number]]:
+    """All numbers but times, and all times."""
+    simulated = dict.fromkeys(CONFIGURATIONS)
+    found = [
+        *_table(results, "table2", {name: name for name in simulated}),
+        *_table(results, "table3", results.sequences),
+        *_prior_accuracy(results),
+        *_prior_cost(results),
+        *_prior_paths(results),
+        *_cost(results, "fig07", {name: name for name in simulated}),
+        *_cost(results, "fig11", results.sequences),
+        *_simulated_sigmas(results),
+        *_sequence_sigmas(results),
     ]
-    if sequences:
-        out += _table(*pair("table3"), "table3", sequences)
-        out += _cost(*pair("fig11"), "fig11", sequences)
-    return out
+    timed = [n.quantity.startswith("time_s") for n in found]
+    return (
+        [n for n, time in zip(found, timed, strict=True) if not time],
+        [n for n, time in zip(found, timed, strict=True) if time],
+    )
 
 
-def _cases(theirs: pd.Series, names: Mapping[str, str] | None) -> Iterator[tuple[str, str]]:
-    """Pairs (our name, the paper's name)."""
-    if names is not None:
-        yield from names.items()
-    else:
-        yield from ((name, name) for name in dict.fromkeys(theirs))
-
-
-def _table(ours: Path, theirs: Path, artefact: str, names: Mapping[str, str] | None) -> Iterator[Number]:
-    own, paper = pd.read_csv(ours), pd.read_csv(theirs)
-    key, their_key = own.columns[0], paper.columns[0]
-    for name, their_name in _cases(paper[their_key], names):
-        for _, row in paper[paper[their_key] == their_name].iterrows():
-            match = own[(own[key] == name) & (own["gauge"] == row["gauge"])]
+def _table(results: Results, artefact: str, names: Mapping[str, str]) -> Iterator[Number]:
+    paper = results.paper(artefact)
+    for name, their_name in names.items():
+        solved = results.solved(name)
+        for _, row in paper[paper.iloc[:, 0] == their_name].iterrows():
+            own = solved[solved["gauge"] == row["gauge"]]
             for error in ERRORS:
-                yield Number(
-                    artefact,
-                    name,
-                    str(row["gauge"]),
-                    error,
-                    float(row[error]),
-                    float(match[error].iloc[0]),
-                )
+                yield number(artefact, name, row["gauge"], error, row[error], own[error], np.mean)
 
 
-def _by_weight(table: pd.DataFrame) -> dict[float, pd.DataFrame]:
-    numeric = table[table["weight"] != "free"]
-    return {float(weight): part for weight, part in numeric.groupby("weight", sort=False)}
-
-
-def _prior_accuracy(ours: Path, theirs: Path) -> Iterator[Number]:
-    own = _by_weight(pd.read_csv(ours, dtype={"weight": str}))
-    for _, row in pd.read_csv(theirs).iterrows():
+def _prior_accuracy(results: Results) -> Iterator[Number]:
+    own, _ = converged_only(results.swept(results.sweep))
+    for _, row in results.paper("fig04").iterrows():
         weight = float(row["weight_guess"])
-        if weight in own:
-            # The published column of the rotation says rad and holds degrees.
-            for error, column in zip(ERRORS, ("p_rmse_m", "phi_rmse_rad", "v_rmse_mps"), strict=True):
-                yield Number(
-                    "fig04",
-                    f"{weight:g}",
-                    "prior",
-                    error,
-                    float(row[column]),
-                    float(own[weight][error].iloc[0]),
-                )
+        match = own[own["number"] == weight]
+        # The published column of the rotation says rad and holds degrees.
+        for error, column in zip(ERRORS, ("p_rmse_m", "phi_rmse_rad", "v_rmse_mps"), strict=True):
+            if len(match):
+                yield number("fig04", f"{weight:g}", "prior", error, row[column], match[error], np.mean)
 
 
-def _prior_cost(ours: Path, theirs: Path) -> Iterator[Number]:
-    own = _by_weight(pd.read_csv(ours, dtype={"weight": str}))
-    for _, row in pd.read_csv(theirs).iterrows():
+def _prior_cost(results: Results) -> Iterator[Number]:
+    own, _ = converged_only(results.swept(results.sweep))
+    times = timing_of(results.swept(results.sweep_timing), own, "weight")
+    for _, row in results.paper("fig05").iterrows():
         weight = float(row["weight"])
-        if weight in own:
-            match = own[weight]
-            match = match[match["quantity"] == row["quantity"]].iloc[0]
-            for part in _BOX:
-                yield Number(
-                    "fig05",
-                    f"{weight:g}",
-                    "prior",
-                    f"{row['quantity']} {part}",
-                    float(row[part]),
-                    float(match[part]),
-                )
+        table, column = (own, "iterations") if row["quantity"] == "iterations" else (times, "seconds")
+        values = table.loc[table["number"] == weight, column]
+        if len(values):
+            yield from _box("fig05", f"{weight:g}", "prior", row, values)
 
 
-def _prior_paths(ours: Path, theirs: Path) -> Iterator[Number]:
-    own = pd.read_csv(ours, dtype={"weight": str}).set_index(["weight", "iteration"])
-    paper = pd.read_csv(theirs, dtype={"weight": str})
-    for _, row in paper.iterrows():
-        if row["weight"] not in own.index:
+def _box(artefact: str, case: str, gauge: str, row: pd.Series, values: pd.Series) -> Iterator[Number]:
+    """The quartiles of a box of the paper; of times the median only."""
+    for part, percent in _BOX.items():
+        if part == "median" or row["quantity"] == "iterations":
+            quantity = f"{row['quantity']} {part}"
+            quartile = partial(np.percentile, q=percent)
+            yield number(artefact, case, gauge, quantity, row[part], values, quartile)
+
+
+def _prior_paths(results: Results) -> Iterator[Number]:
+    trace = results.swept(results.sweep_trace)
+    for _, row in results.paper("fig06").iterrows():
+        own = trace[(trace["weight"] == row["weight"]) & (trace["iteration"] <= row["step"])]
+        if own.empty:
             continue
         # A run that has ended stays where it ended.
-        last = int(own.loc[row["weight"]].index.max())
-        place = (row["weight"], min(int(row["step"]), last))
-        gauge = "free" if row["weight"] == "free" else "prior"
-        case = f"{row['weight']}, step {row['step']}"
-        column = _PANELS[row["panel"]]
-        if int(row["step"]) > 0:
-            yield Number(
-                "fig06", case, gauge, column, float(row["prior_error"]), float(own.loc[place, column])
-            )
-        if column == "prior_yaw_rad":  # the abscissa is the same in both panels
-            yield Number(
-                "fig06",
-                case,
-                gauge,
-                "mean_reprojection_px",
-                float(row["mean_reprojection_px"]),
-                float(own.loc[place, "mean_reprojection_px"]),
-            )
+        own = own.sort_values("iteration").groupby("trial").last()
+        gauge = FREE if row["weight"] == FREE else "prior"
+        case, column = f"{row['weight']}, step {row['step']}", _PANELS[row["panel"]]
+        if row["step"] > 0:
+            yield number("fig06", case, gauge, column, row["prior_error"], own[column])
+        if row["panel"] == "yaw_rad":  # the abscissa is the same in both panels
+            quantity = "mean_reprojection_px"
+            yield number("fig06", case, gauge, quantity, row[quantity], own[quantity])
 
 
-def _cost(ours: Path, theirs: Path, artefact: str, names: Mapping[str, str] | None) -> Iterator[Number]:
-    own, paper = pd.read_csv(ours), pd.read_csv(theirs)
-    key = paper.columns[0]
-    for name, their_name in _cases(paper[key], names):
-        for _, row in paper[paper[key] == their_name].iterrows():
-            match = own[
-                (own["experiment"] == name)
-                & (own["gauge"] == row["gauge"])
-                & (own["quantity"] == row["quantity"])
-            ].iloc[0]
-            ratio = row["quantity"] == "time_per_iteration_ratio"
-            # The paper draws one mark for the ratio; it stands beside our median.
-            for part in ("median",) if ratio else _BOX:
-                yield Number(
-                    artefact,
-                    name,
-                    str(row["gauge"]),
-                    str(row["quantity"]) if ratio else f"{row['quantity']} {part}",
-                    float(row["value" if ratio else part]),
-                    float(match[part]),
-                )
+def _cost(results: Results, artefact: str, names: Mapping[str, str]) -> Iterator[Number]:
+    paper = results.paper(artefact)
+    for name, their_name in names.items():
+        solved = results.solved(name)
+        timed = timing_of(pd.read_csv(results.timings[name]).query("noise == 'headline'"), solved)
+        ratios = paired_ratios(timed, each=True)
+        for _, row in paper[paper.iloc[:, 0] == their_name].iterrows():
+            gauge, quantity = row["gauge"], row["quantity"]
+            if quantity == "time_per_iteration_ratio":
+                if gauge != FIX:  # one by definition
+                    yield number(artefact, name, gauge, quantity, row["value"], ratios[gauge])
+                continue
+            table, column = (solved, "iterations") if quantity == "iterations" else (timed, "seconds")
+            yield from _box(artefact, name, gauge, row, table.loc[table["gauge"] == gauge, column])
 
 
-def comparison_rows(table: list[Number]) -> list[Row]:
-    """A row a number: what it is, published, ours, ratio, outside_factor_two."""
-    return [{**asdict(n), "ratio": n.ratio, "outside_factor_two": n.outside} for n in table]
+def _simulated_sigmas(results: Results) -> Iterator[Number]:
+    """Fig. 9: its configuration is not stated; ours is that of the sweep, in all trials."""
+    arrays = load_arrays(results.published / "fig09.npz")
+    problems = load_problems(results.problems)
+    if 9 * problems[0].initial.n_keyframes != len(arrays["fixed"]):
+        return
+    for panel, own in of_trials(problems, results.solver).items():
+        theirs = deviations(published_magnitude(arrays, panel))
+        yield from _sigmas("fig09", panel, theirs, own)
 
 
-def score(table: list[Number]) -> tuple[float, float]:
-    """Mean and largest |log ratio| of Table II under fixation: how near the assumptions come to the paper."""
-    logs = np.abs(
-        [np.log(number.ratio) for number in table if number.artefact == "table2" and number.gauge == "fix"]
-    )
-    return float(np.mean(logs)), float(np.max(logs))
+def _sequence_sigmas(results: Results) -> Iterator[Number]:
+    """Figs. 10 and 1: one problem each, so that there is no range. Fig. 1 shows x and y of positions."""
+    named = {theirs: name for name, theirs in results.sequences.items()}
+    for artefact, sequence in (("fig01", "MH"), ("fig10", "VI")):
+        if sequence not in named:
+            continue
+        own = load_arrays(results.covariances[named[sequence]])
+        for panel in () if str(own["withheld"]) else ("free", "fixed"):
+            if artefact == "fig10":
+                arrays = load_arrays(results.published / "fig10.npz")
+                theirs, ours = deviations(published_magnitude(arrays, panel)), deviations(own[panel])
+            else:
+                shown = results.paper("fig01").query("record == 'ellipse' and curve == @panel")
+                theirs = np.sqrt(shown.sort_values("keyframe")[["var_x_m2", "var_y_m2"]].sum(axis=1))
+                variance = np.diagonal(own[panel])[: len(own[panel]) // 3].reshape(-1, 3)
+                theirs = theirs.to_numpy()[:, None]
+                ours = np.sqrt(variance[:, :2].sum(axis=1))[:, None]
+            if len(theirs) == len(ours):
+                yield from _sigmas(artefact, panel, theirs, ours[None])
+
+
+def _sigmas(artefact: str, panel: str, theirs: np.ndarray, own: np.ndarray) -> Iterator[Number]:
+    """Sigmas (N, blocks) against those of trials (T, N, blocks); the fixed gauge's first keyframe is held."""
+    gauge = FIX if panel == "fixed" else FREE
+    for keyframe in range(1 if gauge == FIX else 0, len(theirs)):
+        for block in range(theirs.shape[1]):
+            values = own[:, keyframe, block]
+            case = f"keyframe {keyframe}"
+            yield number(artefact, case, gauge, _BLOCKS[block], theirs[keyframe, block], values)

@@ -303,9 +303,10 @@ def test_links_of_the_ledger_lead_to_files(smoke_project: Path) -> None:
 def test_published_numbers_stand_beside_ours(smoke_project: Path) -> None:
     """A comparison that leaves an artefact out, or sets a stand-in beside EuRoC's numbers."""
     found = rows(smoke_project / OUT / "comparison.csv")
-    columns = ["artefact", "case", "gauge", "quantity", "published", "ours", "ratio"]
-    assert list(found[0]) == [*columns, "outside_factor_two"]
-    assert {row["artefact"] for row in found} == {"table2", "fig04", "fig05", "fig06", "fig07"}
+    columns = ["artefact", "case", "gauge", "quantity", "published", "ours", "low", "high", "ratio"]
+    assert list(found[0]) == [*columns, "inside_our_range"]
+    artefacts = {"table2", "fig04", "fig05", "fig06", "fig07", "fig09", "times"}
+    assert {row["artefact"] for row in found} == artefacts
 
 
 def test_report_builds_with_every_caption(smoke_project: Path) -> None:
