@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from vigauge.geometry.so3 import Array
 
+from ..ids import TABLES
+
 Row = dict[str, object]
 
 
@@ -80,10 +82,13 @@ def _columns(times: list[Number]) -> tuple[list[float], list[float]]:
 
 
 def counts(table: list[Number]) -> list[Row]:
-    """By table and figure: how many numbers there are, how many have a range, how many lie inside."""
+    """By figure, and by table and gauge: how many numbers there are, have a range, and lie inside it."""
+    groups: dict[str, list[bool | None]] = {}
+    for each in table:
+        by_gauge = f", {each.gauge}" if each.artefact in TABLES else ""
+        groups.setdefault(each.artefact + by_gauge, []).append(each.inside)
     out: list[Row] = []
-    for artefact in dict.fromkeys(each.artefact for each in table):
-        found = [each.inside for each in table if each.artefact == artefact]
+    for artefact, found in groups.items():
         ranged = [inside for inside in found if inside is not None]
         out.append(
             {

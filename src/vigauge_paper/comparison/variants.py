@@ -22,7 +22,7 @@ def _row(change: str, ratios: pd.Series) -> Row:
         "typical ratio": float(np.exp(logs.mean())),
         "smallest": float(ratios.min()),
         "largest": float(ratios.max()),
-        "mean |log ratio|": float(logs.abs().mean()),
+        "mean abs log ratio": float(logs.abs().mean()),
     }
 
 
