@@ -92,21 +92,6 @@ def test_every_observation_has_a_lane_of_its_own(seed):
     assert np.array_equal(np.searchsorted(pairs.landmark, np.arange(s.n_landmarks + 1)), pairs.begin)
 
 
-def test_a_landmark_may_be_seen_twice_by_one_camera():
-    """Catches the second observation of a view put in the first one's place: two matches of one landmark."""
-    problem = random_problem(3)
-    names = ("keyframe", "camera", "landmark", "uv")
-    again = np.repeat(np.arange(len(problem.obs_uv)), np.where(np.arange(len(problem.obs_uv)) % 3, 1, 2))
-    doubled = replace(problem, **{f"obs_{name}": getattr(problem, f"obs_{name}")[again] for name in names})
-    moved = doubled.obs_uv + np.random.default_rng(0).normal(size=doubled.obs_uv.shape)
-    doubled = replace(doubled, obs_uv=moved)
-    equations = linearise(doubled, doubled.initial)
-    J, r = dense_jacobian(doubled, doubled.initial), dense_residual(doubled, doubled.initial)
-    assert np.allclose(equations.dense(), J.T @ J, rtol=1e-12, atol=1e-6)
-    assert np.allclose(equations.gradient, J.T @ r, rtol=1e-12, atol=1e-6)
-    assert cost(doubled, doubled.initial) == pytest.approx(0.5 * r @ r, rel=1e-12)
-
-
 def test_who_does_not_see_a_landmark_may_be_anywhere():
     """Catches a division by zero in an empty lane: a landmark in the image plane of a keyframe that does not
     see it, beside landmarks that it does see."""
