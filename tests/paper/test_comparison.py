@@ -25,6 +25,7 @@ from vigauge_paper.comparison.numbers import Results, numbers
 from vigauge_paper.comparison.sigmas import deviations, of_trials
 from vigauge_paper.comparison.variants import explained_by_chance, variants
 from vigauge_paper.prior import RESIDUAL
+from vigauge_paper.run.provenance import Stamp, write_stamp
 
 PUBLISHED = ROOT / "data" / "published"
 SEQUENCES = {"MH_01_easy": "MH", "V1_01_easy": "VI"}
@@ -134,13 +135,17 @@ def _hypothesis(folder: Path, with_bias: float) -> Path:
     return file
 
 
-def test_variants_are_the_hypothesis_and_the_sweep(tmp_path: Path) -> None:
-    """Catches a setting that is listed once a claim, and a column under another's name."""
-    sweep = tmp_path / "summary.csv"
+def _sweep(folder: Path) -> Path:
+    """A summary of the sweep with one setting, judged by two claims."""
     setting: Mapping[str, object] = {"parameter": "sigma_px", "value": "2", "rmse_ratio": 0.5}
     setting |= {"rmse_ratio_low": 0.1, "rmse_ratio_high": 0.9, "rmse_score": 0.7}
-    pd.DataFrame([setting | {"id": "a"}, setting | {"id": "b"}]).to_csv(sweep, index=False)
-    none, hidden, swept = variants(_hypothesis(tmp_path, 1.0), sweep)
+    pd.DataFrame([setting | {"id": "a"}, setting | {"id": "b"}]).to_csv(folder / "summary.csv", index=False)
+    return folder / "summary.csv"
+
+
+def test_variants_are_the_hypothesis_and_the_sweep(tmp_path: Path) -> None:
+    """Catches a setting that is listed once a claim, and a column under another's name."""
+    none, hidden, swept = variants(_hypothesis(tmp_path, 1.0), _sweep(tmp_path))
     assert none["typical ratio"] == pytest.approx(0.25) and hidden["mean abs log ratio"] == 0.0
     assert list(swept.values()) == ["sigma_px = 2", 0.5, 0.1, 0.9, 0.7]
     assert len(variants(_hypothesis(tmp_path, 1.0), None)) == 2
@@ -153,29 +158,45 @@ def test_chance_explains_much_and_is_drawn_from_its_seed() -> None:
     assert 0.5 < explained_by_chance(1) < np.log(3.0) / np.log(5.0)
 
 
+def _page(results: Results, folder: Path, **flags: object) -> str:
+    """The page that the command writes."""
+    files = ("sweep", "sweep_timing", "sweep_trace", "problems", "published")
+    options: dict[str, object] = {
+        **{name: list(getattr(results, name).items()) for name in ("solutions", "timings", "covariances")},
+        **{name: getattr(results, name) for name in files},
+        "prior_reading": results.reading,
+        "solver": {},
+        "hypothesis": _hypothesis(folder, 1.0),
+        "source": "euroc",
+        "published_names": list(SEQUENCES.items()),
+        "seed": 1,
+        "sensitivity": None,
+        "output": folder / "comparison.csv",
+    }
+    work(argparse.Namespace(**options | flags))
+    return (folder / "comparison.md").read_text("utf-8")
+
+
 def test_page_counts_what_lies_inside(results: Results, tmp_path: Path) -> None:
     """Catches a page whose counts are not those of the table, and a time among the numbers."""
-    work(
-        argparse.Namespace(
-            **{f: list(getattr(results, f).items()) for f in ("solutions", "timings", "covariances")},
-            **{
-                f: getattr(results, f)
-                for f in ("sweep", "sweep_timing", "sweep_trace", "problems", "published")
-            },
-            prior_reading=results.reading,
-            solver={},
-            hypothesis=_hypothesis(tmp_path, 1.0),
-            source="euroc",
-            published_names=list(SEQUENCES.items()),
-            seed=1,
-            sensitivity=None,
-            output=tmp_path / "comparison.csv",
-        )
-    )
+    page = _page(results, tmp_path)
     table = pd.read_csv(tmp_path / "comparison.csv")
     assert list(table["artefact"]).count("times") == 1
     assert set(table[table["quantity"].str.startswith("time_s")]["artefact"]) == {"times"}
-    page = (tmp_path / "comparison.md").read_text("utf-8")
     of_table2 = table.query("artefact == 'table2' and gauge == 'fix'")["inside_our_range"]
     assert f"| table2, fix | 18 | 18 | {(of_table2.astype(str) == 'True').sum()} |" in page
     assert "| table3, free | 6 | 0 | 0 |" in page
+    assert not {"nan", "None"} & set(page.split())
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_page_shows_the_sweep_of_the_same_configuration_only(
+    results: Results, tmp_path: Path, same: bool
+) -> None:
+    """Catches a sweep that is left out, and an old one set beside new results."""
+    stamps = [tmp_path / "reasons.json", tmp_path / "sweep.json"]
+    for stamp, seed in zip(stamps, (1, 1 if same else 2), strict=True):
+        config = {"simulation": {"seed": seed}}
+        write_stamp(stamp, Stamp(stamp.stem, "1", "abc", {}, config, {}, (), {}, {}, {}, {}))
+    flags = {"sensitivity": _sweep(tmp_path), "sensitivity_stamp": stamps[1], "stamps": stamps[:1]}
+    assert ("sigma_px = 2" in _page(results, tmp_path, **flags)) is same

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from vigauge.cli.command import LOG
@@ -41,6 +42,11 @@ def _machine(row: Row, count: int) -> str:
         f"All {count} published median times: ours take {ratio:.3g} of the paper's, a factor of machine and "
         f"solver; single times lie around it by a factor of {float(str(row['high'])) / ours:.2f}.\n"
     )
+
+
+def _shown(value: object) -> object:
+    """A dash where there is no range."""
+    return "-" if value is None or (isinstance(value, float) and math.isnan(value)) else value
 
 
 def _chance(seed: int) -> str:
@@ -90,7 +96,7 @@ def work(options: argparse.Namespace) -> None:
         "## What single changes do to Table II",
         markdown(changes, _chance(options.seed)),
         "## All numbers",
-        markdown(rows),
+        markdown([{key: _shown(value) for key, value in row.items()} for row in rows]),
     ]
     write_text(options.output.with_suffix(".md"), "\n".join(parts))
     LOG.info(
