@@ -390,8 +390,10 @@ rule comparison:
     input:
         expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
         expand("data/covariance/{name}.npz", name=EXPERIMENTS),
-        expand("data/prior_sweep/{file}.csv", file=["sweep", "timing", "trace"]),
         published=expand("{folder}/{file}", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
+        sweep="data/prior_sweep/sweep.csv",
+        sweep_timing="data/prior_sweep/timing.csv",
+        sweep_trace="data/prior_sweep/trace.csv",
         problems=f"data/simulation/{config['prior']['sweep_configuration']}/problems.npz",
         hypothesis=REASON_TABLES["bias_hypothesis"],
         stamps=[
@@ -412,7 +414,6 @@ rule comparison:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
         timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
         covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
-        sweep="data/prior_sweep",
         published=folder_of_published,
         reading=config["prior"]["reading"],
         solver=section("solver"),
@@ -428,8 +429,8 @@ rule comparison:
         "Published numbers and ours, with ranges and ratios"
     shell:
         "python -m vigauge_paper.commands.comparison --solutions {params.solutions:q} --timings {params.timings:q}"
-        " --covariances {params.covariances:q} --sweep {params.sweep}/sweep.csv --sweep-timing {params.sweep}/timing.csv"
-        " --sweep-trace {params.sweep}/trace.csv --problems {input.problems:q} --prior-reading {params.reading}"
+        " --covariances {params.covariances:q} --sweep {input.sweep:q} --sweep-timing {input.sweep_timing:q}"
+        " --sweep-trace {input.sweep_trace:q} --problems {input.problems:q} --prior-reading {params.reading}"
         " --solver {params.solver:q} --hypothesis {input.hypothesis:q} --published {params.published:q} --seed {params.seed}"
         " --source {params.source} --published-names {params.names:q} {params.sensitivity} --output {output.csv:q}"
         " --stamps {input.stamps:q} --log {log:q}"
