@@ -63,7 +63,7 @@ def judge_setting(
     """A row a claim: what was measured and the verdict with ``parameter`` at ``value``.
 
     ``rmse_ratio`` is the geometric mean of ours over Table II, ``rmse_ratio_low`` and ``_high`` its extremes;
-    ``rmse_score`` the mean of |log ratio|, by which the defaults were chosen.
+    ``rmse_score`` the mean of |log ratio|.
     """
     evidence = solutions_only(solutions, criteria)
     ratios = ratios_to_published(evidence, table2)

@@ -96,7 +96,7 @@ def _ranges(summary: Path) -> str:
     near = table[columns].drop_duplicates().to_dict("records")
     note = (
         "RMSE of fixation over the paper's Table II: geometric mean, smallest and largest of 18, "
-        "and the mean of |log ratio|, by which the defaults were chosen."
+        "and the mean of |log ratio|."
     )
     return (
         markdown(ranges(table)) + "\n" + markdown([{str(k): v for k, v in row.items()} for row in near], note)

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from support import ROOT
+from vigauge import FreeGauge, load_problems, motion_covariance, solve
 from vigauge_paper.commands import front_end
 
 SETTINGS = {"tracker": "optical_flow", "keyframes": {"count": 7}}
@@ -156,3 +157,30 @@ def test_harmless_and_mendable_faults_change_nothing_but_counts(rendered, tmp_pa
     report = json.loads((tmp_path / "mended" / "report.json").read_text("utf-8"))
     counts = {name: report[name] for name in ("imu_rows_repeated", "imu_rows_sorted", "image_rows_sorted")}
     assert counts == {"imu_rows_repeated": 1, "imu_rows_sorted": 1, "image_rows_sorted": 30}
+
+
+def test_a_recording_in_map_coordinates_is_solved_as_at_the_origin(rendered, tmp_path: Path) -> None:
+    """Catches digits lost to a far origin: positions of a map projection, a million metres away."""
+    origin = np.array([4.5e5, 5.2e6, 4e2])
+
+    def moved(lines: list[str]) -> list[str]:
+        rows = [line.split(",") for line in lines[1:]]
+        for row in rows:
+            row[1:4] = [
+                repr(float(value) + float(shift)) for value, shift in zip(row[1:4], origin, strict=True)
+            ]
+        return [lines[0], *(",".join(row) for row in rows)]
+
+    far = copy_of(rendered.folder, tmp_path / "far")
+    edit(TRUTH, moved)(far / "mav0")
+    found = {}
+    for name, folder in (("near", rendered.folder), ("far", far)):
+        assert run(folder, tmp_path / name) == 0
+        (problem,) = load_problems(tmp_path / name / "problem.npz")
+        state = solve(problem, FreeGauge()).state
+        found[name] = state, np.sqrt(np.diagonal(motion_covariance(problem, state, FreeGauge())))
+    (near, sigma), (away, far_sigma) = found["near"], found["far"]
+    assert len(near.X_W) == len(away.X_W)
+    assert np.abs(away.p_W - near.p_W).max() < 1e-6  # both count from the first keyframe
+    assert np.abs(away.R_WB - near.R_WB).max() < 1e-6
+    assert far_sigma == pytest.approx(sigma, rel=1e-5)
