@@ -114,7 +114,8 @@ rule table3:
 rule figure_ellipses:
     input:
         covariance=f"data/covariance/{MACHINE_HALL}.npz",
-        stamps=f"data/covariance/{MACHINE_HALL}.stamp.json",
+        second=f"data/covariance/{VICON_ROOM}.npz",
+        stamps=expand("data/covariance/{name}.stamp.json", name=PAPER_SEQUENCES),
         published=published_on_sequences(f"{FIGURES['fig01'].stem}.csv"),
         code=code_of("figure_covariance"),
     output:
@@ -131,7 +132,7 @@ rule figure_ellipses:
         FIGURES["fig01"].title
     shell:
         "python -m vigauge_paper.commands.figure_covariance --kind ellipses --covariance {input.covariance:q}"
-        " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --beside {input.second:q} --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_orbit:

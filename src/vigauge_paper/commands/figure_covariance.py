@@ -5,22 +5,30 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from vigauge.errors import ConfigError
 from vigauge_paper.figures.ellipses import draw_ellipses
 from vigauge_paper.figures.matrices import draw_covariances
 from vigauge_paper.run.artefacts import stem_of
 from vigauge_paper.run.stage import parser, run
 
-_KINDS = {"matrices": draw_covariances, "ellipses": draw_ellipses}
-
 
 def work(options: argparse.Namespace) -> None:
-    _KINDS[options.kind](options.covariance, options.output, options.source, options.published_file)
+    shown = (options.covariance, options.output, options.source, options.published_file)
+    if options.kind == "ellipses":
+        draw_ellipses(*shown, options.beside)
+    elif options.beside:
+        raise ConfigError("--beside", "must be left out with --kind matrices, which shows one archive")
+    else:
+        draw_covariances(*shown)
 
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--kind", choices=sorted(_KINDS), required=True)
+    arguments.add_argument("--kind", choices=("ellipses", "matrices"), required=True)
     arguments.add_argument("--covariance", type=Path, required=True)
+    arguments.add_argument(
+        "--beside", type=Path, nargs="*", default=[], help="ellipses: archives of further sequences"
+    )
     arguments.add_argument("--source", choices=("simulation", "euroc", "rendered"), required=True)
     arguments.add_argument(
         "--output", type=stem_of, required=True, help="the PNG; the PDF and the numbers go beside it"

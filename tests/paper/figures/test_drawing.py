@@ -193,12 +193,33 @@ def test_enlargement_is_round_and_keeps_ellipses_apart(extent: float, largest: f
     assert f"{scale:.0e}"[0] in "125"
 
 
-def test_one_enlargement_for_all_curves(written: Path, texts: list[str]) -> None:
+def test_one_enlargement_for_all_curves_of_a_flight(written: Path, texts: list[str]) -> None:
     """Catches panels with different factors, which made the paper's Figure 1 hard to compare."""
-    ellipses.draw_ellipses(written / "covariance.npz", written / "fig", "euroc")
-    table = pd.read_csv(written / "fig.csv")
-    assert table["enlargement"].nunique() == 1
-    assert set(table["curve"]) == {"free", "transformed", "fixed"}
+    larger = {name: 9.0 * a for name, a in covariance().items() if name in ("free", "transformed", "fixed")}
+    save_arrays(written / "second.npz", covariance() | larger)
+    ellipses.draw_ellipses(
+        written / "covariance.npz", written / "fig", "euroc", beside=[written / "second.npz"]
+    )
+    flights = dict(list(pd.read_csv(written / "fig.csv").groupby("sequence")))
+    assert set(flights) == {"covariance", "second"}
+    for name, table in flights.items():
+        assert table["enlargement"].nunique() == 1
+        assert set(table["curve"]) == {"free", "transformed", "fixed"}
+        assert f"{name}\nellipses enlarged {table['enlargement'].iloc[0]:g} times" in texts
+    sizes = [table["semi_major_m"].max() for table in flights.values()]
+    assert sizes[1] == pytest.approx(3.0 * sizes[0])
+
+
+def test_a_withheld_flight_stands_beside_the_others_in_words(written: Path, texts: list[str]) -> None:
+    """Catches a sequence without covariance that empties the figure, or vanishes from it."""
+    save_arrays(written / "still.npz", {"withheld": "degenerate: standing still"})
+    ellipses.draw_ellipses(
+        written / "still.npz", written / "fig", "euroc", beside=[written / "covariance.npz"]
+    )
+    table = pd.read_csv(written / "fig.csv").set_index("sequence")
+    assert table.loc["still", "withheld"] == "degenerate: standing still"
+    assert table.loc["covariance", "semi_major_m"].notna().all()
+    assert "Covariance withheld. still: degenerate: standing still." in texts
 
 
 def test_held_parameters_are_found_by_their_zero_variance() -> None:
@@ -308,8 +329,9 @@ def test_the_paper_stands_beside_ours(written: Path, texts: list[str]) -> None:
     ellipses.draw_ellipses(
         written / "covariance.npz", written / "y", "euroc", PUBLISHED / "fig01_euroc_ellipses.csv"
     )
-    for name in ("(d) Paper, free", "(f) Paper, fixed", "Paper, transformed free"):
+    for name in ("(d) Paper, free", "(f) Paper, fixed"):
         assert name in texts
+    assert any(text.startswith("Paper (its MH)") for text in texts)
 
 
 def test_published_ellipses_have_deviations_and_their_longer_axis() -> None:
