@@ -13,6 +13,7 @@ from .ids import PRIOR_AS_PRINTED
 # What a weight multiplies.
 RESIDUAL, INFORMATION = "residual", "information"
 READINGS = (RESIDUAL, INFORMATION)
+MEANING = {RESIDUAL: "multiplies the residual", INFORMATION: "is the information"}
 
 
 def information(weight: float | str, reading: str) -> float:

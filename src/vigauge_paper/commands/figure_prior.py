@@ -6,17 +6,22 @@ import argparse
 from pathlib import Path
 
 from vigauge_paper.figures.prior import draw_accuracy, draw_cost, draw_paths, read_sweep
+from vigauge_paper.prior import READINGS
 from vigauge_paper.run.artefacts import add_published, add_reading, stem_of
 from vigauge_paper.run.stage import parser, run
 
 
 def work(options: argparse.Namespace) -> None:
-    sweep, timing, trace = (
-        read_sweep(file, options.prior_reading) for file in (options.sweep, options.timing, options.trace)
+    leading = options.prior_reading
+    readings = sorted(READINGS, key=lambda reading: reading != leading)
+    sweeps, timings = (
+        {reading: read_sweep(file, reading) for reading in readings}
+        for file in (options.sweep, options.timing)
     )
-    draw_accuracy(sweep, options.accuracy, options.published)
-    draw_cost(sweep, timing, options.cost, options.published)
-    draw_paths(sweep, trace, options.paths, options.path_weights, options.published)
+    trace = read_sweep(options.trace, leading)
+    draw_accuracy(sweeps[leading], options.accuracy, options.published)
+    draw_cost(sweeps, timings, options.cost, options.published)
+    draw_paths(sweeps[leading], trace, options.paths, options.path_weights, options.published)
 
 
 def main() -> None:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from vigauge.files import write_rows
 
 from ..experiments.timing import timing_of
+from ..prior import INFORMATION, MEANING, RESIDUAL
 from .statistics import box_row, converged_only, from_row
 from .style import COLUMN, PAGE, PUBLISHED, box_plot, new_figure, save_figure
 
 _QUANTITIES = (
-    ("p_rmse_m", "p_rmse_m", "Position (m)"),
-    ("phi_rmse_deg", "phi_rmse_rad", "Rotation (deg)"),
-    ("v_rmse_mps", "v_rmse_mps", "Velocity (m/s)"),
+    ("p_rmse_m", "p_rmse_m", "Position", "m"),
+    ("phi_rmse_deg", "phi_rmse_rad", "Rotation", "deg"),
+    ("v_rmse_mps", "v_rmse_mps", "Velocity", "m/s"),
 )
+_OURS = "#5D3A9B"
+_READING_COLOURS = {RESIDUAL: _OURS, INFORMATION: "#E66100"}
 FREE = "free"
 _LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 _PATH_COLOURS = ("#000000", "#D55E00", "#009E73", "#0072B2", "#56B4E9")
@@ -54,95 +59,117 @@ def _published_rmse(folder: Path | None) -> pd.DataFrame | None:
     return table.assign(key=table["weight"].fillna(table["weight_guess"]).astype(float)).set_index("key")
 
 
+def _change(values: np.ndarray) -> np.ndarray:
+    """Change against the first weight that has a value, in per cent."""
+    known = values[np.isfinite(values)]
+    return 100.0 * (values / known[0] - 1.0) if len(known) else values
+
+
 def _span(values: np.ndarray) -> float:
     """Range over mean, in per cent."""
     return float(100.0 * (np.nanmax(values) - np.nanmin(values)) / np.nanmean(values))
 
 
-def draw_accuracy(everything: pd.DataFrame, stem: Path, published: Path | None) -> None:
-    """Figure 4: mean RMSE over the trials, each weight one step on the axis, with its change in per cent.
+def _weight_axis(axes: Axes, weights: list[str], failed: dict[str, int]) -> None:
+    """Each weight one step, whatever lies between."""
+    axes.set_xticks(range(len(weights)), weights, rotation=60)
+    axes.set_xlabel(_weight_label(failed))
 
-    The paper's curves (grey) have an axis of their own; each curve's span over its mean is stated.
+
+def draw_accuracy(everything: pd.DataFrame, stem: Path, published: Path | None) -> None:
+    """Figure 4: mean RMSE over the trials as change in per cent, the paper's on the same axis.
+
+    Each weight is one step. Legends have the mean and the span (range over mean) of both; the numbers beside
+    have means and changes.
     """
     sweep, _ = converged_only(everything)
     weights = _weights(everything)
     failed = _failed(everything)
-    means = sweep.groupby("weight")[[name for name, _, _ in _QUANTITIES]].mean().reindex(weights)
+    means = sweep.groupby("weight")[[name for name, *_ in _QUANTITIES]].mean().reindex(weights)
+    changes = means.apply(lambda column: _change(column.to_numpy()))
     theirs = _published_rmse(published)
-    with new_figure(COLUMN, 4.1, 3, 1, sharex=True) as (figure, axes):
-        for panel, (name, their_name, label) in zip(axes, _QUANTITIES, strict=True):
-            ours = means.loc[weights, name].to_numpy()
-            panel.plot(range(len(weights)), ours, color="#5D3A9B", marker=".", label="ours")
-            panel.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useOffset=False)
-            panel.set_ylabel(label)
-            panel.grid(True)
-            spans = f"span {_span(ours):.2g} %"
+    with new_figure(COLUMN, 4.3, 3, 1, sharex=True, sharey=True) as (figure, axes):
+        for panel, (name, their_name, title, unit) in zip(axes, _QUANTITIES, strict=True):
+            curves = [("ours", means[name].to_numpy(), "o-", _OURS)]
             if theirs is not None:
                 values = np.array([theirs[their_name].get(float(weight), np.nan) for weight in weights])
-                spans += f" (paper {_span(values):.2g} %)"
-                other = panel.twinx()
-                other.plot(
-                    range(len(weights)), values, color=PUBLISHED, marker=".", linestyle="--", label="paper"
-                )
-                other.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useOffset=False)
-                other.tick_params(colors=PUBLISHED, labelsize=5.5)
-                other.yaxis.get_offset_text().set(color=PUBLISHED, fontsize=5.5)
-                if panel is axes[0]:
-                    other.plot([], [], color="#5D3A9B", marker=".", label="ours")
-                    figure.legend(
-                        *other.get_legend_handles_labels(), loc="outside upper center", ncols=2, fontsize=6
-                    )
-            panel.set_title(spans, fontsize=6, loc="center", pad=2)
-        axes[-1].set_xticks(range(len(weights)), weights, rotation=60)
-        axes[-1].set_xlabel(_weight_label(failed))
+                curves.append(("paper", values, "x--", PUBLISHED))
+            for source, values, style, colour in curves:
+                label = f"{source}: mean {np.nanmean(values):.2g} {unit}, span {_span(values):.2g} %"
+                panel.plot(range(len(weights)), _change(values), style, color=colour, label=label)
+            panel.set_title(title, pad=3)
+            panel.grid(True)
+            panel.legend(loc="upper right")
+        axes[1].set_ylabel(f"Change of the RMSE against weight {weights[0]} (%)")
+        low, high = axes[0].get_ylim()
+        axes[0].set_ylim(low, high + 0.6 * (high - low))  # room for the legends
+        _weight_axis(axes[-1], weights, failed)
         save_figure(figure, stem)
     rows = [
         {
             "weight": weight,
-            **{name: float(means.loc[weight, name]) for name, _, _ in _QUANTITIES},
+            **{name: float(means.loc[weight, name]) for name, *_ in _QUANTITIES},
             "excluded": failed.get(weight, 0),
+            **{f"{name}_change_percent": float(changes.loc[weight, name]) for name, *_ in _QUANTITIES},
         }
         for weight in weights
     ]
     write_rows(f"{stem}.csv", rows)
 
 
-def draw_cost(everything: pd.DataFrame, timing: pd.DataFrame, stem: Path, published: Path | None) -> None:
-    """Figure 5: iterations and time of all trials, a box a weight; the paper's iterations in grey."""
+def _cost_boxes(reading: str, everything: pd.DataFrame, timing: pd.DataFrame) -> pd.DataFrame:
+    """A box a weight of iterations and of time, under one reading."""
     sweep, _ = converged_only(everything)
     failed = _failed(everything)
     timing = timing_of(timing, sweep, "weight")
-    weights = _weights(everything)
-    rows = []
-    for quantity, table, column in (("iterations", sweep, "iterations"), ("time_s", timing, "seconds")):
-        for weight in weights:
-            values = table.loc[table["weight"] == weight, column].to_numpy()
-            rows.append(
-                box_row(values, weight=weight, quantity=quantity) | {"excluded": failed.get(weight, 0)}
-            )
-    table = pd.DataFrame(rows)
-    with new_figure(COLUMN, 3.3, 2, 1, sharex=True) as (figure, axes):
-        for panel, quantity, label in zip(
-            axes, ("iterations", "time_s"), ("Number of iterations (#)", "Convergence time (s)"), strict=True
-        ):
-            boxes = [from_row(row) for _, row in table[table["quantity"] == quantity].iterrows()]
-            box_plot(panel, boxes, list(range(len(weights))), 0.55, "#5D3A9B")
+    return pd.DataFrame(
+        box_row(table.loc[table["weight"] == weight, column].to_numpy(), weight=weight, quantity=quantity)
+        | {"excluded": failed.get(weight, 0), "reading": reading}
+        for quantity, table, column in (("iterations", sweep, "iterations"), ("time_s", timing, "seconds"))
+        for weight in _weights(everything)
+    )
+
+
+def draw_cost(
+    sweeps: Mapping[str, pd.DataFrame],
+    timings: Mapping[str, pd.DataFrame],
+    stem: Path,
+    published: Path | None,
+) -> None:
+    """Figure 5: iterations and time of all trials, a box a weight and reading; grey: the paper's iterations.
+
+    ``sweeps``, ``timings``: tables by reading, the one that leads first.
+    """
+    table = pd.concat([_cost_boxes(name, sweeps[name], timings[name]) for name in sweeps])
+    leading = next(iter(sweeps.values()))
+    weights = _weights(leading)
+    boxes = {
+        (f"ours, weight {MEANING[name]}", _READING_COLOURS[name]): table[table["reading"] == name]
+        for name in sweeps
+    }
+    if published is not None:
+        theirs = pd.read_csv(published / "fig05_prior_weight_cost.csv").query("quantity == 'iterations'")
+        names = {float(weight): weight for weight in weights}
+        boxes["paper", PUBLISHED] = theirs.assign(weight=theirs["weight"].astype(float).map(names))
+    with new_figure(PAGE, 4.0, 2, 1, sharex=True) as (figure, axes):
+        for number, ((label, colour), shown) in enumerate(boxes.items()):
+            offset = 0.26 * (number - 0.5 * (len(boxes) - 1))
+            for panel, quantity in zip(axes, ("iterations", "time_s"), strict=True):
+                rows = shown[(shown["quantity"] == quantity) & shown["weight"].notna()]
+                places = [weights.index(weight) + offset for weight in rows["weight"]]
+                box_plot(panel, [from_row(row) for _, row in rows.iterrows()], places, 0.2, colour)
+            axes[0].plot([], [], "s", color=colour, markerfacecolor="none", label=label)
+        for panel, label in zip(axes, ("Number of iterations (#)", "Convergence time (s)"), strict=True):
             panel.set_ylabel(label)
+            panel.set_ylim(bottom=0.0)
+            panel.set_xlim(-0.6, len(weights) - 0.4)
             panel.grid(True, axis="y")
-        if published is not None:
-            theirs = pd.read_csv(published / "fig05_prior_weight_cost.csv")
-            theirs = theirs[theirs["quantity"] == "iterations"]
-            numeric = [float(w) for w in weights]
-            shared = [row for _, row in theirs.iterrows() if float(row["weight"]) in numeric]
-            places = [numeric.index(float(row["weight"])) + 0.0 for row in shared]
-            axes[0].plot(
-                places, [row["median"] for row in shared], "x", color=PUBLISHED, label="paper, median"
-            )
-            axes[0].legend()
-        axes[-1].set_xticks(range(len(weights)), weights, rotation=60)
-        axes[-1].set_xlabel(_weight_label(failed))
+            for edge in range(1, len(weights)):
+                panel.axvline(edge - 0.5, color="0.9", linewidth=0.5, zorder=0)
+        axes[0].legend()
+        _weight_axis(axes[-1], weights, _failed(leading))
         save_figure(figure, stem)
-    write_rows(f"{stem}.csv", rows)
+    write_rows(f"{stem}.csv", table.to_dict("records"))
 
 
 def draw_paths(

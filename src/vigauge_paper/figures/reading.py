@@ -9,13 +9,13 @@ import pandas as pd
 from vigauge.files import write_rows
 
 from ..experiments.reading import PAPER, slopes
-from ..prior import INFORMATION, RESIDUAL
+from ..prior import INFORMATION, MEANING, RESIDUAL
 from .style import PAGE, PUBLISHED, new_figure, save_figure
 
 _LINES = {
     PAPER: ("paper's Fig. 6", PUBLISHED, "o", "-"),
-    RESIDUAL: ("ours, weight multiplies the residual", "#5D3A9B", "s", "--"),
-    INFORMATION: ("ours, weight is the information", "#E66100", "^", ":"),
+    RESIDUAL: (f"ours, weight {MEANING[RESIDUAL]}", "#5D3A9B", "s", "--"),
+    INFORMATION: (f"ours, weight {MEANING[INFORMATION]}", "#E66100", "^", ":"),
 }
 _PANELS = {"position_m": "Position", "yaw_rad": "Yaw"}
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -20,7 +22,9 @@ from vigauge.model.archive import load_arrays, save_arrays, save_states
 from vigauge.solver.levenberg_marquardt import solve
 from vigauge_paper.figures import cost, ellipses, matrices, orbit, prior, scenes, style
 from vigauge_paper.figures.chart import Chart
+from vigauge_paper.prior import READINGS
 
+LEADING = "residual"
 STAND_IN = "rendered stand-in, not EuRoC"
 PUBLISHED = ROOT / "data" / "published"
 
@@ -49,6 +53,19 @@ def texts(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     for module in (cost, ellipses, matrices, prior):
         monkeypatch.setattr(module, "save_figure", keep)
     yield found
+
+
+def draw_prior(folder: Path, out: Path, published: Path | None) -> None:
+    """Figures 4, 5 and 6 as a, b and c, from the tables of a sweep under both readings."""
+    tables = {
+        kind: {reading: prior.read_sweep(folder / f"{kind}.csv", reading) for reading in READINGS}
+        for kind in ("sweep", "sweep_timing", "sweep_trace")
+    }
+    sweeps = tables["sweep"]
+    prior.draw_accuracy(sweeps[LEADING], out / "a", published)
+    prior.draw_cost(sweeps, tables["sweep_timing"], out / "b", published)
+    trace = tables["sweep_trace"][LEADING]
+    prior.draw_paths(sweeps[LEADING], trace, out / "c", ["7", "100", "500", "1e8"], published)
 
 
 def experiments(folder: Path, kind: str) -> dict[str, Path]:
@@ -145,18 +162,17 @@ def test_published_marks_appear_only_when_asked(written: Path, texts: list[str])
 
 def test_prior_figures_keep_the_order_of_the_weights(written: Path, texts: list[str]) -> None:
     """Catches weights in alphabetical order, a weight read as a number ("1e5" as 100000.0), lost rows."""
-    prior.draw_accuracy(written / "sweep.csv", written / "a", PUBLISHED)
-    prior.draw_cost(written / "sweep.csv", written / "sweep_timing.csv", written / "b", PUBLISHED)
-    prior.draw_paths(
-        written / "sweep.csv",
-        written / "sweep_trace.csv",
-        written / "c",
-        ["7", "100", "500", "1e8"],
-        PUBLISHED,
-    )
+    draw_prior(written, written, PUBLISHED)
     read = {name: pd.read_csv(written / f"{name}.csv", dtype={"weight": str}) for name in "abc"}
     assert tuple(read["a"]["weight"]) == WEIGHTS
-    assert tuple(read["b"].query("quantity == 'iterations'")["median"]) == (4, 12, 8, 6, 5, 5)
+    assert tuple(read["b"].query("reading == @LEADING and quantity == 'iterations'")["median"]) == (
+        4,
+        12,
+        8,
+        6,
+        5,
+        5,
+    )
     assert set(read["c"]["weight"]) == {"free", "7", "100", "500", "1e8"}
     assert any("paper" in text for text in texts)
 
@@ -165,11 +181,39 @@ def test_a_weight_under_which_nothing_converged_is_drawn_empty(written: Path, te
     """Catches a sweep that cannot be drawn because one extreme weight failed throughout."""
     table = sweep()
     table.assign(converged=table["weight"] != "1e8").to_csv(written / "sweep.csv", index=False)
-    prior.draw_accuracy(written / "sweep.csv", written / "a", None)
-    prior.draw_cost(written / "sweep.csv", written / "sweep_timing.csv", written / "b", None)
+    draw_prior(written, written, None)
     rows = pd.read_csv(written / "b.csv", dtype={"weight": str}).set_index(["weight", "quantity"])
-    assert rows.loc[("1e8", "iterations"), "count"] == 0
-    assert rows.loc[("1e8", "time_s"), "count"] == 0
+    assert (rows.loc[[("1e8", "iterations"), ("1e8", "time_s")], "count"] == 0).all()
+
+
+def test_accuracy_is_drawn_as_change_with_the_papers_on_one_axis(written: Path, monkeypatch: Any) -> None:
+    """Catches a second axis, on which all curves look alike, and changes of something else."""
+    axes: list[Axes] = []
+    monkeypatch.setattr(prior, "save_figure", lambda figure, stem: axes.extend(figure.axes))
+    prior.draw_accuracy(prior.read_sweep(written / "sweep.csv", LEADING), written / "a", PUBLISHED)
+    assert len(axes) == 3 and len({panel.get_ylim() for panel in axes}) == 1
+    table = pd.read_csv(written / "a.csv")
+    assert table["p_rmse_m_change_percent"].tolist() == pytest.approx(
+        (100.0 * (table["p_rmse_m"] / table["p_rmse_m"][0] - 1.0)).tolist()
+    )
+    ours, theirs = axes[0].get_lines()
+    assert ours.get_ydata() == pytest.approx(table["p_rmse_m_change_percent"])
+    paper = pd.read_csv(PUBLISHED / "fig04_prior_weight_rmse.csv").set_index("weight")["p_rmse_m"]
+    at_7 = WEIGHTS.index("7")
+    assert theirs.get_ydata()[at_7] == pytest.approx(100.0 * (paper[7] / paper[0] - 1.0))
+
+
+def test_both_readings_stand_beside_the_paper(written: Path, texts: list[str]) -> None:
+    """Catches one reading drawn twice, or under the other's name."""
+    for name in ("sweep", "sweep_timing"):
+        table = pd.read_csv(written / f"{name}.csv", dtype={"weight": str})
+        table["iterations"] += table["reading"] == "information"
+        table.to_csv(written / f"{name}.csv", index=False)
+    draw_prior(written, written, PUBLISHED)
+    rows = pd.read_csv(written / "b.csv").query("quantity == 'iterations'")
+    medians = {reading: table["median"].to_numpy() for reading, table in rows.groupby("reading")}
+    assert (medians["information"] == medians["residual"] + 1).all()
+    assert {"ours, weight multiplies the residual", "ours, weight is the information", "paper"} <= set(texts)
 
 
 def test_ellipses_are_those_of_the_joint_covariance() -> None:
@@ -301,17 +345,13 @@ def test_failures_are_counted_where_they_happened(tmp_path: Path, texts: list[st
 
     Results(tmp_path / "run", sweep=fail, solutions={"arc_plane": fail_fix}).write()
     run = tmp_path / "run"
-    prior.draw_accuracy(run / "sweep.csv", tmp_path / "a", None)
+    draw_prior(run, tmp_path, None)
     rmse = pd.read_csv(tmp_path / "a.csv", dtype={"weight": str}).set_index("weight")
     assert rmse["excluded"].to_dict() == {w: 2 if w == "500" else 0 for w in rmse.index}
     assert rmse["p_rmse_m"].max() < 0.1
-    prior.draw_cost(run / "sweep.csv", run / "sweep_timing.csv", tmp_path / "b", None)
     boxes = pd.read_csv(tmp_path / "b.csv", dtype={"weight": str}).groupby("weight")["excluded"].max()
     assert boxes["500"] == 2 and boxes.drop("500").max() == 0
     assert any("left out, not converged: 2 at 500" in text for text in texts)
-    prior.draw_paths(
-        run / "sweep.csv", run / "sweep_trace.csv", tmp_path / "c", ["7", "100", "500", "1e8"], None
-    )
     paths = pd.read_csv(tmp_path / "c.csv", dtype={"weight": str}).groupby("weight")["status"].first()
     assert paths["500"] == "iteration limit" and paths["100"] == "function tolerance"
     assert any("500 (iteration limit)" in text for text in texts)
