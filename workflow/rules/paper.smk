@@ -152,13 +152,14 @@ rule figure_orbit:
     params:
         solver=section("solver"),
         trial=config["figures"]["orbit_trial"],
-        information=config["figures"]["orbit_prior_weight"],
+        weight=config["figures"]["orbit_prior_weight"],
+        reading=config["prior"]["reading"],
     message:
         "Figures 2 and 8"
     shell:
         "python -m vigauge_paper.commands.figure_orbit --problems {input.problems:q} --trial {params.trial}"
-        " --prior-information {params.information} --solver {params.solver:q} --paths {output.paths:q}"
-        " --transformation {output.transformation:q} --stamps {input.stamps:q} --log {log:q}"
+        " --prior-weight {params.weight} --prior-reading {params.reading} --solver {params.solver:q}"
+        " --paths {output.paths:q} --transformation {output.transformation:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_scenes:

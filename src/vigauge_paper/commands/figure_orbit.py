@@ -10,17 +10,18 @@ from vigauge.model.archive import load_problems
 from vigauge.solver.levenberg_marquardt import Options, solve
 from vigauge_paper.figures.chart import Chart
 from vigauge_paper.figures.orbit import draw_paths, draw_transformation
-from vigauge_paper.run.artefacts import add_prior_information, add_solver, stem_of
+from vigauge_paper.prior import information
+from vigauge_paper.run.artefacts import add_prior, add_solver, stem_of
 from vigauge_paper.run.stage import parser, run, settings_from
 
 
 def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
     problem = load_problems(options.problems)[options.trial]
-    gauges = three_gauges(options.prior_information)
+    gauges = three_gauges(information(options.prior_weight, options.prior_reading))
     solutions = {name: solve(problem, gauge, solver, keep_states=True) for name, gauge in gauges.items()}
     chart = Chart.around(problem, solutions["free"].state)
-    draw_paths(chart, solutions, options.paths, options.prior_information)
+    draw_paths(chart, solutions, options.paths, options.prior_weight)
     draw_transformation(chart, options.transformation)
 
 
@@ -28,7 +29,7 @@ def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--problems", type=Path, required=True)
     arguments.add_argument("--trial", type=int, required=True, help="which of the problems")
-    add_prior_information(arguments)
+    add_prior(arguments)
     add_solver(arguments)
     arguments.add_argument("--paths", type=stem_of, required=True, help="PNG of Figure 2")
     arguments.add_argument("--transformation", type=stem_of, required=True, help="PNG of Figure 8")

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
+from matplotlib.ticker import MaxNLocator
 
 from vigauge.files import write_rows
 from vigauge.geometry.so3 import Array
@@ -32,6 +35,11 @@ _PATHS_WINDOW = (-1.25, 1.25, 0.72, 2.72)
 # Angles (rad on paper) of the widest yaw of Figure 2, and between the two points of Figure 8.
 _PATHS_ANGLE = 0.55
 _POINTS_ANGLE = 0.8
+# Figure 2: angle of the scale of s, and length on paper from which a step has an arrow.
+_SCALE_ANGLE = 0.42
+_STEP_WITH_ARROW = 0.25
+# Where the arrows of paths that run together lie, so that none hides another.
+_ARROW_AT = {PRIOR: 0.4, FIX: 0.55, FREE: 0.65}
 # Figure 8: length on paper of s = 1, and the perturbation in shares of the yaw and of d.
 _UNIT_LENGTH = 2.6
 _PERTURBATION = (-0.35, 0.22)
@@ -80,11 +88,12 @@ def draw_paths(chart: Chart, solutions: Mapping[str, Solution], stem: Path, prio
     widest = max(abs(gauge_alpha[shown]).max(), *(abs(path[:, 0]).max() for path in located.values()))
     # Mirrored where needed, so that the gauge meets the orbit on the left, as in the paper.
     paper = _Paper(np.copysign(_PATHS_ANGLE / widest, chart.gauge_yaw(0.0)), compressed=True)
-    with new_figure(COLUMN, 3.1) as (figure, axes):
-        rows = _background(axes, chart)
+    with new_figure(COLUMN, 2.85) as (figure, axes):
+        rows = _background(figure, axes, chart)
         orbit = np.linspace(-1.2, 1.2, 121) / paper.stretch
         axes.plot(*paper.place(orbit, 0.0), color="black", linewidth=1.0)
         axes.plot(*paper.place(gauge_alpha, gauge_s), "--", color=COLOURS["fix"], linewidth=1.0)
+        _scales(axes, paper)
         for gauge in (PRIOR, FIX, FREE):
             alpha, s = located[gauge].T
             label = LABELS[gauge] + (f" ($w^P$ = {prior_weight:g})" if gauge == "prior" else "")
@@ -99,26 +108,20 @@ def draw_paths(chart: Chart, solutions: Mapping[str, Solution], stem: Path, prio
                 label=label,
                 path_effects=_OUTLINE,
             )
+            _directions(axes, paper.place(alpha, s), COLOURS[gauge], _ARROW_AT[gauge])
             costs = np.array([row.cost for row in solutions[gauge].trace])
             rows += _curve("iterate", gauge, alpha, s, costs)
         start = paper.place(chart.start_yaw, 1.0)
         axes.plot(*start, "*", color="black", markeredgecolor="white", markersize=10, label="Start")
-        beside = int(np.searchsorted(gauge_s, -0.45))
-        _label(
-            axes,
-            "orbit of mini-\nmum cost " + r"$\mathcal{M}_\theta$",
-            paper.place(-0.4 / paper.stretch, 0.0),
-            (7, 7),
-        )
-        _label(axes, r"gauge $\mathcal{C}$", paper.place(gauge_alpha[beside], gauge_s[beside]), (5, 0))
+        beside = int(np.searchsorted(gauge_s, -0.35))
+        axes.text(0.0, 1.26, r"orbit of minimum cost $\mathcal{M}_\theta$", fontsize=7, ha="center")
+        _label(axes, r"gauge $\mathcal{C}$", paper.place(gauge_alpha[beside], gauge_s[beside]), (5, -5))
         left, right, bottom, top = _PATHS_WINDOW
         axes.set(xlim=(left, right), ylim=(bottom, top))
-        axes.set_title(
-            rf"angle: yaw $\times$ {abs(paper.stretch):.0f};  height over the orbit: $\sqrt{{s}}$",
-            fontsize=6.5,
-        )
+        axes.set_xlabel(f"yaw along the orbit, drawn {abs(paper.stretch):.0f} times as wide")
+        axes.set_ylabel(r"distance $s$ from the orbit, drawn as $\sqrt{s}$")
         legend = axes.legend(
-            loc="upper center", bbox_to_anchor=(0.5, -0.01), ncols=4, fontsize=6, columnspacing=0.9
+            loc="upper center", bbox_to_anchor=(0.55, -0.08), ncols=4, columnspacing=0.7, handlelength=1.4
         )
         for handle in legend.get_lines():
             handle.set_path_effects([])
@@ -128,8 +131,31 @@ def draw_paths(chart: Chart, solutions: Mapping[str, Solution], stem: Path, prio
     write_rows(f"{stem}.csv", rows)
 
 
-def _background(axes: Axes, chart: Chart) -> Rows:
-    """Shade the window by the cost, with its isolines; returns what was evaluated."""
+def _scales(axes: Axes, paper: _Paper) -> None:
+    """Marks of the yaw along the orbit, in degrees, and of s across it."""
+    for degrees in range(-6, 7, 2):
+        alpha = np.radians(degrees)
+        if abs(paper.stretch * alpha) < 0.75:
+            foot = paper.place(alpha, 0.0)
+            axes.plot(*np.transpose([foot, 0.97 * foot]), color="black", linewidth=0.8)
+            axes.text(*(0.91 * foot), rf"${degrees}\degree$", fontsize=6.5, ha="center", va="center")
+    alpha = -_SCALE_ANGLE / paper.stretch
+    axes.plot(*paper.place(np.full(2, alpha), np.array([0.0, 1.0])), color="black", linewidth=0.8)
+    for s in (0.1, 0.3, 1.0):
+        place = paper.place(alpha, s)
+        axes.plot(*place, "k_", markersize=5)
+        _label(axes, f"$s$ = {s:g}", place, (-31, -2), size=6.5)
+
+
+def _directions(axes: Axes, path: Array, colour: str, share: float) -> None:
+    """An arrow in each step that is long enough for one, at a share of its length."""
+    for foot, tip in pairwise(path.T):
+        if np.linalg.norm(tip - foot) > _STEP_WITH_ARROW:
+            _arrow(axes, foot + (share - 0.1) * (tip - foot), foot + share * (tip - foot), colour, 1.4)
+
+
+def _background(figure: Figure, axes: Axes, chart: Chart) -> Rows:
+    """Shade the window by the cost, with its isolines and a scale; returns what was evaluated."""
     left, right, bottom, top = _PATHS_WINDOW
     x, y = np.meshgrid(np.linspace(left, right, 160), np.linspace(bottom, top, 160))
     height = np.hypot(x, y) - _ORBIT_RADIUS
@@ -138,7 +164,9 @@ def _background(axes: Axes, chart: Chart) -> Rows:
     s = np.sign(profile) * profile**2
     costs = np.array([chart.cost(float(value)) for value in s])
     shade = np.interp(height, profile, np.log10(costs))
-    axes.contourf(x, y, shade, levels=24, cmap="OrRd", zorder=0)
+    shades = axes.contourf(x, y, shade, levels=24, cmap="OrRd", zorder=0)
+    bar = figure.colorbar(shades, ax=axes, fraction=0.035, pad=0.02, ticks=MaxNLocator(integer=True))
+    bar.set_label(r"cost of Eq. (1), $\log_{10}$")
     axes.contour(x, y, shade, levels=24, colors="white", linewidths=0.3, linestyles="--", zorder=0)
     return _curve("cost", "", np.zeros_like(s), s, costs)
 
@@ -158,14 +186,21 @@ def draw_transformation(chart: Chart, stem: Path) -> None:
         _vectors(axes, paper, yaw, moved)
         _label(axes, r"$\theta$", paper.place(0.0, 0.0), (1, -11))
         _label(axes, r"$\theta_C$", paper.place(yaw, 0.0), (-14, -8))
-        _label(axes, r"$\mathcal{M}_\theta$", paper.place(orbit[-1], 0.0), (-17, -2), COLOURS["fix"])
-        _label(axes, r"$\mathcal{C}$", paper.place(gauge_alpha[0], gauge_s[0]), (-9, 1), COLOURS["free"])
-        axes.set_title(
-            rf"angle: yaw $\times$ {abs(paper.stretch):.0f} "
-            rf"(from $\theta$ to $\theta_C$: {np.degrees(yaw):.2f} deg);  height: s",
-            fontsize=6.5,
+        _label(axes, r"orbit $\mathcal{M}_\theta$", paper.place(orbit[-1], 0.0), (-36, 0), COLOURS["fix"])
+        _label(
+            axes, r"gauge $\mathcal{C}$", paper.place(gauge_alpha[0], gauge_s[0]), (-32, 3), COLOURS["free"]
         )
-        axes.margins(x=0.06, y=0.1)
+        axes.text(
+            0.02,
+            0.03,
+            rf"angle: yaw $\times$ {abs(paper.stretch):.0f}"
+            "\n"
+            rf"(from $\theta$ to $\theta_C$: ${np.degrees(yaw):.2f}\degree$)"
+            "\nheight: $s$",
+            fontsize=7,
+            transform=axes.transAxes,
+        )
+        axes.margins(x=0.08, y=0.1)
         axes.set_xlim(right=axes.get_xlim()[1] + _FORMULA_WIDTH)
         _frame(axes)
         save_figure(figure, stem)
@@ -248,7 +283,15 @@ def _arrow(axes: Axes, foot: Array, tip: Array, colour: str, width: float) -> No
 
 
 def _label(axes: Axes, text: str, at: Array, offset: Offset, colour: str = "black", size: float = 7) -> None:
-    axes.annotate(text, tuple(at), offset, textcoords="offset points", fontsize=size, color=colour)
+    axes.annotate(
+        text,
+        tuple(at),
+        offset,
+        textcoords="offset points",
+        fontsize=size,
+        color=colour,
+        path_effects=[Stroke(linewidth=1.6, foreground="white"), Normal()],
+    )
 
 
 def _frame(axes: Axes) -> None:

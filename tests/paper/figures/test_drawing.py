@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
@@ -327,6 +328,43 @@ def test_computed_sketches_keep_what_they_show(tmp_path: Path) -> None:
     vectors = pd.read_csv(tmp_path / "carried.csv").query("kind == 'vector'").set_index("curve")
     assert np.ptp(vectors["s"]) < 1e-12
     assert vectors.loc["projected", "alpha_rad"] != vectors.loc["carried", "alpha_rad"]
+
+
+def test_sketches_name_their_axes_point_along_the_paths_and_keep_words_inside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catches a drawing that only its author can read, and labels that the frame cuts or leaves out."""
+    arrows: list[str] = []
+
+    def look(figure: Figure, stem: Path) -> None:
+        figure.canvas.draw()
+        axes = figure.axes[0]
+        frame = axes.get_window_extent()
+        inner = [text for text in axes.texts if text.get_text()]
+        outside = [
+            text.get_text() for text in inner if not frame.contains(*text.get_window_extent().min)
+            or not frame.contains(*text.get_window_extent().max)
+        ]  # fmt: skip
+        assert inner and outside == []
+        if stem.name == "paths":
+            assert "yaw along the orbit" in axes.get_xlabel() and "distance" in axes.get_ylabel()
+            assert "cost" in figure.axes[1].get_ylabel()
+            arrows.extend(
+                mpl.colors.to_hex(text.arrow_patch.get_edgecolor()).upper()
+                for text in axes.texts
+                if isinstance(text, mpl.text.Annotation) and text.arrow_patch is not None
+            )
+        else:
+            assert axes.get_title() == ""
+
+    monkeypatch.setattr(orbit, "save_figure", look)
+    solutions_of = {
+        name: solve(trial(), gauge, TIGHT, keep_states=True) for name, gauge in three_gauges(50.0**2).items()
+    }
+    chart = Chart.around(trial(), estimate())
+    orbit.draw_paths(chart, solutions_of, tmp_path / "paths", 50.0)
+    orbit.draw_transformation(chart, tmp_path / "carried")
+    assert set(arrows) == set(style.COLOURS.values())
 
 
 def test_failures_are_counted_where_they_happened(tmp_path: Path, texts: list[str]) -> None:
