@@ -21,6 +21,7 @@ from vigauge.errors import OutputError
 from vigauge.gauge.gauges import three_gauges
 from vigauge.model.archive import load_arrays, save_arrays, save_states
 from vigauge.solver.levenberg_marquardt import solve
+from vigauge.synthetic.landmarks import PLANES
 from vigauge_paper.figures import cost, ellipses, matrices, orbit, prior, scenes, style
 from vigauge_paper.figures.chart import Chart
 from vigauge_paper.prior import READINGS
@@ -302,6 +303,21 @@ def test_scene_figure_shows_every_point(tmp_path: Path) -> None:
     kinds = pd.read_csv(tmp_path / "fig.csv")["kind"].value_counts()
     assert kinds.to_dict() == {"landmark": truth.n_landmarks, "trajectory": 20, "keyframe": truth.n_keyframes}
     assert (tmp_path / "fig.pdf").stat().st_size > 1000
+
+
+def test_landmarks_on_planes_are_shown_with_their_planes(tmp_path: Path) -> None:
+    """Catches a rectangle on another plane than its landmarks', or one that leaves some of them out."""
+    X_W = scene(points="plane").truth.X_W
+    patches = scenes.plane_patches(X_W)
+    assert len(patches) > 1
+    assert sorted(row for _, rows in patches.values() for row in rows) == list(range(len(X_W)))
+    for plane, (corners, rows) in patches.items():
+        normal, offset = PLANES[plane]
+        assert corners @ normal == pytest.approx(np.full(4, offset))
+        within = np.abs(normal) < 0.5
+        assert (X_W[rows][:, within] >= corners[:, within].min(axis=0)).all()
+        assert (X_W[rows][:, within] <= corners[:, within].max(axis=0)).all()
+        assert np.abs(X_W[rows] @ normal - offset).max() < 0.5
 
 
 def test_computed_sketches_keep_what_they_show(tmp_path: Path) -> None:
