@@ -141,8 +141,7 @@ def draw_cost(
     ``sweeps``, ``timings``: tables by reading, the one that leads first.
     """
     table = pd.concat([_cost_boxes(name, sweeps[name], timings[name]) for name in sweeps])
-    leading = next(iter(sweeps.values()))
-    weights = _weights(leading)
+    weights = _weights(next(iter(sweeps.values())))
     boxes = {
         (f"ours, weight {MEANING[name]}", _READING_COLOURS[name]): table[table["reading"] == name]
         for name in sweeps
@@ -167,7 +166,7 @@ def draw_cost(
             for edge in range(1, len(weights)):
                 panel.axvline(edge - 0.5, color="0.9", linewidth=0.5, zorder=0)
         axes[0].legend()
-        _weight_axis(axes[-1], weights, _failed(leading))
+        _weight_axis(axes[-1], weights, _failed(pd.concat(sweeps.values())))
         save_figure(figure, stem)
     write_rows(f"{stem}.csv", table.to_dict("records"))
 

@@ -406,6 +406,7 @@ def test_failures_are_counted_where_they_happened(tmp_path: Path, texts: list[st
     boxes = pd.read_csv(tmp_path / "b.csv", dtype={"weight": str}).groupby("weight")["excluded"].max()
     assert boxes["500"] == 2 and boxes.drop("500").max() == 0
     assert any("left out, not converged: 2 at 500" in text for text in texts)
+    assert any("left out, not converged: 4 at 500" in text for text in texts), "of both readings of Figure 5"
     paths = pd.read_csv(tmp_path / "c.csv", dtype={"weight": str}).groupby("weight")["status"].first()
     assert paths["500"] == "iteration limit" and paths["100"] == "function tolerance"
     assert any("500 (iteration limit)" in text for text in texts)
