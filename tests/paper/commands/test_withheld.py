@@ -176,7 +176,7 @@ def test_distances_are_those_of_each_noise_model_at_its_own_optimum(tmp_path: Pa
     problem = d.problem_of()
     start = problem.initial.retract(np.full(problem.initial.n_parameters, 0.001))
     problem = problem.with_initial(start)
-    models = {"consistent": {"sigma_px": 0.5, "density_factor": 0.5}}
+    models = {"consistent": {"sigma_px": 0.5, "density_factor": 0.7}}
     models["headline"] = {"sigma_px": 1.0, "density_factor": 1.0}
     names = ["relative_frobenius_same_point", "relative_frobenius_converged", "relative_frobenius_prior"]
     found = {}
