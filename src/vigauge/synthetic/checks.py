@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import gammaincinv
 
+from ..covariance.consistency import mean_nees_band
 from ..model.problem import Problem
 from ..solver.residuals import inertial_residual, visual_residual
 from .scenario import Scene
@@ -17,9 +17,7 @@ _INERTIAL = ("p_x", "p_y", "p_z", "phi_x", "phi_y", "phi_z", "v_x", "v_y", "v_z"
 def _row(name: str, squares: np.ndarray) -> dict[str, object]:
     """Mean square of one component over all trials, with its 99 % band under unit variance."""
     count = squares.size
-    tails = (1.0 - 0.99) / 2.0, (1.0 + 0.99) / 2.0
-    # Quantiles of chi-square, as scipy.stats computes them; that takes half a second to import.
-    low, high = (float(2.0 * gammaincinv(count / 2.0, p)) / count for p in tails)
+    low, high = mean_nees_band(1, count, 0.99)
     mean = float(squares.mean())
     return {
         "component": name,
