@@ -14,6 +14,7 @@ from vigauge_paper import experiments
 from vigauge_paper.claims import CLAIMS
 from vigauge_paper.experiments.experiment import Experiment
 from vigauge_paper.experiments.registry import EXPERIMENTS
+from vigauge_paper.figures.registry import FIGURES
 
 
 def test_every_experiment_is_listed() -> None:
@@ -27,9 +28,9 @@ def test_every_experiment_is_listed() -> None:
     assert all(isinstance(experiment, Experiment) for experiment in EXPERIMENTS.values())
 
 
-def test_every_experiment_is_cited() -> None:
-    """Catches an experiment that no claim nor the comparison reads, and made-up results that lack one."""
-    cited = {name for claim in CLAIMS for name in claim.evidence} | {"bias_hypothesis"}
+def test_every_experiment_is_cited_or_drawn() -> None:
+    """Catches an experiment that no claim, figure or comparison reads, and made-up results that lack one."""
+    cited = {name for claim in CLAIMS for name in claim.evidence} | {"bias_hypothesis", *FIGURES}
     assert set(EXPERIMENTS) <= cited
     assert set(reasons()) <= set(EXPERIMENTS)
 

@@ -312,6 +312,25 @@ rule figure_sequence_cost:
         " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
 
 
+rule figure_nees:
+    input:
+        table=REASON_TABLES["nees"],
+        stamps="data/reasons/stamp.json",
+        code=code_of("figure_nees"),
+    output:
+        png=figure_image("nees"),
+        beside=beside_image("nees"),
+    log:
+        "logs/paper/nees.log",
+    conda:
+        "../envs/vigauge.yaml"
+    message:
+        FIGURES["nees"].title
+    shell:
+        "python -m vigauge_paper.commands.figure_nees --table {input.table:q} --output {output.png:q}"
+        " --stamps {input.stamps:q} --log {log:q}"
+
+
 rule claims:
     input:
         expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),

@@ -7,6 +7,7 @@ from . import (
     damping,
     exchange,
     iteration_time,
+    nees,
     orbit,
     reading,
     tolerance,
@@ -23,6 +24,7 @@ _ALL = (
     exchange.EXPERIMENT,
     reading.EXPERIMENT,
     bias_hypothesis.EXPERIMENT,
+    nees.EXPERIMENT,
     iteration_time.EXPERIMENT,
 )
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}

@@ -1,4 +1,4 @@
-"""The figures of the paper: what each is called, in which file it stands, and which module draws it."""
+"""The figures, the paper's and ours: what each is called, in which file it stands, which module draws it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the paper.
+    """A figure.
 
     ``stem`` of its files, PDF and PNG, and of the numbers it shows, which end in ``numbers``;
     ``title`` begins its caption, workflow/report/KEY.rst; ``module`` of this folder draws it.
@@ -32,5 +32,6 @@ _ALL = (
     Figure("fig09", "fig09_covariance_simulation", "Figure 9", "matrices", ".npz"),
     Figure("fig10", "fig10_covariance_euroc", "Figure 10", "matrices", ".npz"),
     Figure("fig11", "fig11_euroc_cost", "Figure 11", "cost"),
+    Figure("nees", "nees", "NEES", "nees"),
 )
 FIGURES = {figure.key: figure for figure in _ALL}

@@ -25,8 +25,8 @@ def test_every_module_draws_a_listed_figure() -> None:
 def test_every_figure_has_a_caption_with_its_title() -> None:
     """Catches a caption that is left out, or stands under another figure."""
     for key, figure in FIGURES.items():
-        assert figure.key == key and figure.stem.startswith(f"{key}_")
+        assert figure.key == key and f"{figure.stem}_".startswith(f"{key}_")
         text = (ROOT / "workflow" / "report" / f"{key}.rst").read_text("utf-8")
         assert text.startswith((f"{figure.title}.", f"{figure.title},")), key
     captions = {file.stem for file in (ROOT / "workflow" / "report").glob("fig*.rst")}
-    assert captions == set(FIGURES)
+    assert captions == {key for key in FIGURES if key.startswith("fig")}

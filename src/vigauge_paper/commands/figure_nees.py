@@ -1,0 +1,25 @@
+"""Draw the mean NEES of every configuration and gauge, and of what is broken on purpose."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from vigauge_paper.figures.nees import draw_nees
+from vigauge_paper.run.artefacts import stem_of
+from vigauge_paper.run.stage import parser, run
+
+
+def work(options: argparse.Namespace) -> None:
+    draw_nees(options.table, options.output)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--table", type=Path, required=True, help="table of experiment 'nees'")
+    arguments.add_argument("--output", type=stem_of, required=True, help="PNG; PDF and CSV go beside it")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()
