@@ -279,6 +279,18 @@ def test_time_ratios_are_paired(tmp_path: Path) -> None:
     assert ratio.within(0.001, centre=1.02)
 
 
+def test_a_disturbed_repeat_moves_no_ratio(tmp_path: Path) -> None:
+    """An effect of 2 % drowned by whatever else ran during most of the repeats."""
+
+    def disturbed(table: pd.DataFrame) -> pd.DataFrame:
+        slow = 1.0 + np.random.default_rng(0).exponential(0.3, len(table))
+        quiet = table["repeat"] == table["trial"] % table["repeat"].nunique()
+        return table.assign(seconds=table["seconds"] * np.where(quiet, 1.0, slow))
+
+    ratio = evidence(Results(tmp_path, timing={"arc_plane": disturbed})).time_ratio(["arc_plane"], "prior")
+    assert ratio.within(0.005, centre=1.02)
+
+
 def test_effect_size() -> None:
     """Catches a division by zero where all trials agree, and a sign lost."""
     assert effect_size(np.zeros(4)) == 0.0

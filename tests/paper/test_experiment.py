@@ -10,9 +10,9 @@ from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper.experiments.interleaved import (
     Trial,
-    first_solves,
     solution_row,
     solve_interleaved,
+    solve_once,
     timing_row,
     trace_rows,
 )
@@ -32,23 +32,23 @@ def trials(count: int) -> list[Trial]:
 
 def test_every_gauge_solves_every_trial_in_every_repeat_and_takes_turns() -> None:
     """A gauge that always goes first would profit or suffer from it in every pair."""
-    solves = solve_interleaved(trials(2), GAUGES, Options(), clock=ticking(), repeats=2)
+    solves = list(solve_interleaved(trials(2), GAUGES, Options(), clock=ticking(), repeats=2))
     keys = [(s.repeat, s.trial.labels["trial"], s.gauge) for s in solves]
     assert len(keys) == len(set(keys)) == 12
     leaders = [solves[k].gauge for k in range(0, 12, 3)]
     assert leaders == ["fix", "prior", "prior", "free"]
 
 
-def test_first_solves_are_ordered_by_trial_and_gauge_whatever_the_turn() -> None:
+def test_solves_for_their_outcome_are_ordered_by_trial_and_gauge() -> None:
     """Rows in the order of the turns would differ between runs with other numbers of gauges."""
-    solves = solve_interleaved(trials(3), GAUGES, Options(), clock=ticking(), repeats=2)
-    first = [(s.trial.labels["trial"], s.gauge) for s in first_solves(solves, GAUGES)]
-    assert first == [(number, gauge) for number in range(3) for gauge in GAUGES]
+    solves = solve_once(trials(3), GAUGES, Options())
+    keys = [(s.trial.labels["trial"], s.gauge) for s in solves]
+    assert keys == [(number, gauge) for number in range(3) for gauge in GAUGES]
 
 
 def test_repeats_give_the_same_estimate() -> None:
     """State that leaks from one solve into the next."""
-    solves = solve_interleaved(trials(1), GAUGES, Options(), clock=ticking(), repeats=2)
+    solves = list(solve_interleaved(trials(1), GAUGES, Options(), clock=ticking(), repeats=2))
     for gauge in GAUGES:
         costs = {s.solution.cost for s in solves if s.gauge == gauge}
         assert len(costs) == 1
@@ -59,8 +59,8 @@ def test_rows_without_times_do_not_depend_on_the_clock() -> None:
     truth = simulated.scene().truth
     tables = []
     for clock in (ticking(), lambda: 0.0):
-        solves = solve_interleaved(trials(1), GAUGES, Options(), clock=clock)
-        tables.append([[solution_row(s, truth), *trace_rows(s)] for s in first_solves(solves, GAUGES)])
+        solves = list(solve_interleaved(trials(1), GAUGES, Options(), clock=clock))
+        tables.append([[solution_row(s, truth), *trace_rows(s)] for s in solves])
         assert all(timing_row(s)["seconds"] == s.solution.seconds for s in solves)
     assert tables[0] == tables[1]
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 FOLDERS = ("data", "paper_figures")
 
-# Files that hold nothing but times, and drawings of times; the ledger's page has those inside.
-TIMES_ONLY = ("timing.csv", "timing.json", "iteration_time.csv", "claims.html")
+# Files and folders that hold nothing but times, and drawings of times; the ledger's page has those inside.
+TIMES_ONLY = ("timing.csv", "timing", "iteration_time.csv", "claims.html")
 DRAWN_TIMES = ("fig05_", "fig07_", "fig11_")
 # Lines of the comparison: a time, or how many numbers of such a figure lie inside our range.
 _TIMED = re.compile(r"time|^\| fig(05|07|11) \| \d+ \|")
@@ -39,10 +39,12 @@ def differences(one: Path, other: Path) -> list[str]:
 
 def _reader(name: Path, timed: set[str]) -> Callable[[Path], object] | None:
     """How to read a file without its times; None where nothing else is in it."""
-    if name.name in TIMES_ONLY:
-        return None
     if name.name.endswith("stamp.json"):
-        return _stamp
+        return lambda path: _without(path, "timings")
+    if name.name in TIMES_ONLY or name.parent.name in TIMES_ONLY:
+        return None
+    if name.name == "environment.json":
+        return lambda path: _without(path, "speed")
     if name.name.startswith(DRAWN_TIMES):
         return _iterations if name.suffix == ".csv" else None
     if name.name in ("claims.csv", "claims_why.csv"):
@@ -61,9 +63,9 @@ def _rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def _stamp(path: Path) -> dict[str, object]:
-    """A stamp without the digests of times."""
-    return {key: value for key, value in json.loads(path.read_text("utf-8")).items() if key != "timings"}
+def _without(path: Path, times: str) -> dict[str, object]:
+    """A JSON object without its member that depends on times."""
+    return {key: value for key, value in json.loads(path.read_text("utf-8")).items() if key != times}
 
 
 def _iterations(path: Path) -> list[dict[str, str]]:

@@ -62,7 +62,7 @@ def timing(name: str, trials: int = TRIALS, repeats: int = REPEATS) -> pd.DataFr
     rows = solutions(name, trials)[["gauge", "trial", "iterations"]]
     rows = rows.merge(pd.DataFrame({"repeat": range(repeats)}), how="cross")
     drift = 1.0 + 0.01 * rows["trial"] + 0.003 * rows["repeat"]
-    return rows.assign(noise=HEADLINE, seconds=rows["gauge"].map(each) * rows["iterations"] * drift)
+    return rows.assign(experiment=name, seconds=rows["gauge"].map(each) * rows["iterations"] * drift)
 
 
 def sweep(trials: int = TRIALS) -> pd.DataFrame:

@@ -115,6 +115,11 @@ for name, entry in config["windows"][SOURCE_OF_SEQUENCES].items():
 
 PAPER_SEQUENCES = [MACHINE_HALL, VICON_ROOM]
 EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
+# Experiments that are timed in one process share a file.
+TIMINGS = {name: "data/timing/simulation.csv" for name in CONFIGURATIONS} | {
+    name: f"data/timing/{SOURCE_OF_SEQUENCES}.csv" for name in PAPER_SEQUENCES
+}
+TIMING_STAMPS = expand("data/timing/{name}.stamp.json", name=["simulation", SOURCE_OF_SEQUENCES])
 # The paper's name for a sequence, where it is one of the paper's; a stand-in is none of them.
 PUBLISHED_NAMES = {
     name: config["euroc"]["sequences"][key]["published"]
@@ -212,11 +217,6 @@ def sequence_folder(name):
 def noise_models(wildcards):
     """Noise models of a sequence, as JSON."""
     return sequence_section(wildcards.sequence, "noise")
-
-
-def repeats_of(wildcards):
-    """Timed solves of a sequence: nothing shows the times of a window."""
-    return 1 if wildcards.sequence in WINDOWS else config["timing"]["repeats_sequence"]
 
 
 def ground_truth_folder(name, purpose):

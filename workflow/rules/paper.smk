@@ -12,10 +12,10 @@ EVIDENCE = {
 
 rule environment:
     input:
-        timings=expand("data/solutions/{name}/timing.json", name=[*CONFIGURATIONS, *SEQUENCES]),
+        timings=expand("data/timing/{name}.json", name=["simulation", SOURCE_OF_SEQUENCES]),
         reports=expand("data/sequences/{name}/report.json", name=SEQUENCES),
         stamps=[
-            *expand("data/solutions/{name}/stamp.json", name=[*CONFIGURATIONS, *SEQUENCES]),
+            *TIMING_STAMPS,
             *expand("data/sequences/{name}/stamp.json", name=SEQUENCES),
         ],
         code=code_of("environment"),
@@ -217,9 +217,10 @@ rule figure_prior:
 
 rule figure_simulation_cost:
     input:
-        expand("data/solutions/{name}/{file}.csv", name=FIGURE7_ORDER, file=["solutions", "timing"]),
+        expand("data/solutions/{name}/solutions.csv", name=FIGURE7_ORDER),
+        TIMINGS[FIGURE7_ORDER[0]],
         published=published(FIGURES["fig07"].stem),
-        stamps=expand("data/solutions/{name}/stamp.json", name=FIGURE7_ORDER),
+        stamps=[*expand("data/solutions/{name}/stamp.json", name=FIGURE7_ORDER), TIMING_STAMPS[0]],
         code=code_of("figure_cost"),
     output:
         png=figure_image("fig07"),
@@ -230,7 +231,7 @@ rule figure_simulation_cost:
         "../envs/vigauge.yaml"
     params:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=FIGURE7_ORDER),
-        timings=expand("{name}=data/solutions/{name}/timing.csv", name=FIGURE7_ORDER),
+        timings=[f"{name}={TIMINGS[name]}" for name in FIGURE7_ORDER],
         names=FIGURE7_ORDER,
         file=f"{FIGURES['fig07'].stem}.csv",
         published=PUBLISHED_FLAG,
@@ -289,9 +290,10 @@ rule figure_covariance_sequence:
 
 rule figure_sequence_cost:
     input:
-        expand("data/solutions/{name}/{file}.csv", name=PAPER_SEQUENCES, file=["solutions", "timing"]),
+        expand("data/solutions/{name}/solutions.csv", name=PAPER_SEQUENCES),
+        TIMINGS[MACHINE_HALL],
         published=published(FIGURES["fig11"].stem),
-        stamps=expand("data/solutions/{name}/stamp.json", name=PAPER_SEQUENCES),
+        stamps=[*expand("data/solutions/{name}/stamp.json", name=PAPER_SEQUENCES), TIMING_STAMPS[1]],
         code=code_of("figure_cost"),
     output:
         png=figure_image("fig11"),
@@ -302,7 +304,7 @@ rule figure_sequence_cost:
         "../envs/vigauge.yaml"
     params:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=PAPER_SEQUENCES),
-        timings=expand("{name}=data/solutions/{name}/timing.csv", name=PAPER_SEQUENCES),
+        timings=[f"{name}={TIMINGS[name]}" for name in PAPER_SEQUENCES],
         source=SOURCE_OF_SEQUENCES,
         published=FIGURE11_PUBLISHED,
     message:
@@ -333,16 +335,18 @@ rule figure_nees:
 
 rule claims:
     input:
-        expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
+        expand("data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
+        sorted(set(TIMINGS.values())),
         expand("data/covariance/{name}.npz", name=EXPERIMENTS),
         list(REASON_TABLES.values()),
         sweep="data/prior_sweep/sweep.csv",
         sweep_timing="data/prior_sweep/timing.csv",
         sweep_trace="data/prior_sweep/trace.csv",
-        machine=f"data/solutions/{config['prior']['sweep_configuration']}/timing.json",
+        machine="data/timing/simulation.json",
         stamps=[
             *expand("data/solutions/{name}/stamp.json", name=EXPERIMENTS),
             *expand("data/covariance/{name}.stamp.json", name=EXPERIMENTS),
+            *TIMING_STAMPS,
             "data/prior_sweep/stamp.json",
             "data/reasons/stamp.json",
             *expand("data/timing_reasons/{name}.stamp.json", name=TIMED),
@@ -361,7 +365,7 @@ rule claims:
         "../envs/vigauge.yaml"
     params:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
-        timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
+        timings=[f"{name}={file}" for name, file in TIMINGS.items()],
         covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
         reasons=[f"{name}={file}" for name, file in REASON_TABLES.items()],
         sweep_configuration=config["prior"]["sweep_configuration"],

@@ -46,7 +46,8 @@ def work(options: argparse.Namespace) -> None:
         f"{100 * criteria.accuracy_margin:g} %, cost {100 * criteria.cost_margin:g} %, covariance "
         f"{100 * criteria.covariance_margin:g} %; RMSE over prior weights {100 * criteria.sweep_span:g} %, "
         f"settled {100 * criteria.settled_span:g} % of their span. Times: {machine['processor']}, "
-        f"{machine['cores']} cores, BLAS on one thread; of a sequence, repeats are drawn instead of trials. "
+        f"{machine['cores']} cores, BLAS on one thread; each trial at its quickest "
+        f"repeat; of a sequence, repeats are drawn instead of trials. "
         "Paired differences with effect sizes: claims_statistics.csv; tables of the experiments "
         "that explain: data/reasons."
     )

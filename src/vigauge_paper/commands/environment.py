@@ -30,14 +30,16 @@ def commit_of(folder: Path) -> str:
 
 
 def _agreed(files: list[Path]) -> dict[str, Any]:
-    """Machine and versions of the timed solves; DataError where they were made in different ways."""
-    records = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+    """Machine, versions and steadiness of the timed solves; DataError where versions differ."""
+    records: list[dict[str, Any]] = [json.loads(file.read_text(encoding="utf-8")) for file in files]
     for file, record in zip(files, records, strict=True):
         if record["versions"] != records[0]["versions"]:
             raise DataError(file, f"versions must be those of {files[0]}", value=record["versions"])
         if record["machine"]["processor"] != records[0]["machine"]["processor"]:
             LOG.warning("%s was timed on another processor than %s", file, files[0])
-    return dict(records[0])
+    return records[0] | {
+        "speed": {file.stem: record["speed"] for file, record in zip(files, records, strict=True)}
+    }
 
 
 def work(options: argparse.Namespace) -> None:
@@ -64,7 +66,7 @@ def main() -> None:
     arguments.add_argument("--checkout", type=Path, required=True, help="folder of the project")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
     arguments.add_argument("--reports", type=named_file, nargs="+", required=True, help="NAME=report.json")
-    arguments.add_argument("--timings", type=Path, nargs="+", required=True, help="timing.json of the solves")
+    arguments.add_argument("--timings", type=Path, nargs="+", required=True, help="JSON of the timed solves")
     arguments.add_argument("--output", type=Path, required=True)
     run(work, arguments)
 

@@ -23,9 +23,9 @@ from vigauge_paper.experiments.interleaved import (
     Row,
     TimedSolve,
     Trial,
-    first_solves,
     solution_row,
     solve_interleaved,
+    solve_once,
     timing_row,
     trace_rows,
 )
@@ -57,14 +57,16 @@ def work(options: argparse.Namespace) -> None:
     for reading in READINGS:
         gauges: dict[str, Gauge] = {w: PriorGauge(information(w, reading)) for w in options.weights}
         gauges[FREE] = FreeGauge()
-        solves = solve_interleaved(trials, gauges, solver, clock=time.perf_counter, progress=bar)
-        first = first_solves(solves, gauges)
+        first = list(solve_once(trials, gauges, solver))
         label = {"reading": reading}
         rows["sweep"] += [
             label | solution_row(s, truth, "weight") | _conditioning(s, gauges[s.gauge]) for s in first
         ]
         rows["trace"] += [label | row for s in first for row in trace_rows(s, "weight")]
-        rows["timing"] += [label | timing_row(s, "weight") for s in solves]
+        timed = solve_interleaved(
+            trials, gauges, solver, clock=time.perf_counter, repeats=options.repeats, progress=bar
+        )
+        rows["timing"] += [label | timing_row(s, "weight") for s in timed]
     for name, table in rows.items():
         write_rows(getattr(options, name), table)
     LOG.info("%d weights, %d trials", len(options.weights), len(trials))
@@ -78,6 +80,7 @@ def main() -> None:
         "--weights", nargs="+", required=True, help="prior weights, as they are to be written"
     )
     add_solver(arguments)
+    arguments.add_argument("--repeats", type=int, default=1, help="timed repeats of every trial")
     arguments.add_argument("--sweep", type=Path, required=True, help="output: a row a solve")
     arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
     arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")

@@ -12,7 +12,7 @@ from vigauge.solver.levenberg_marquardt import Options
 from vigauge.synthetic.scenario import make_scene, make_trials
 from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.changes import changed
-from vigauge_paper.experiments.interleaved import Trial, first_solves, solution_row, solve_interleaved
+from vigauge_paper.experiments.interleaved import Trial, solution_row, solve_once
 from vigauge_paper.ids import CONFIGURATIONS, HEADLINE
 from vigauge_paper.run.artefacts import add_prior_information, add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
@@ -29,8 +29,7 @@ def work(options: argparse.Namespace) -> None:
     for name, (trajectory, points) in CONFIGURATIONS.items():
         scene = make_scene(trajectory, points, settings)
         trials = [Trial({"noise": HEADLINE, "trial": i}, p) for i, p in enumerate(make_trials(scene))]
-        solves = solve_interleaved(trials, gauges, solver, clock=lambda: 0.0, warm_up=False)
-        rows = [solution_row(solve, scene.truth) for solve in first_solves(solves, gauges)]
+        rows = [solution_row(solve, scene.truth) for solve in solve_once(trials, gauges, solver)]
         write_rows(options.output / f"{name}.csv", rows)
         LOG.info("%s = %g: %s", options.parameter, options.value, name)
 

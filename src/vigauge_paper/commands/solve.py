@@ -1,38 +1,30 @@
-"""Solve an experiment in the three gauges, and with the prior as printed; interleaved, timed in the process.
-
-BLAS runs on one thread: more are slower at these sizes, and times would not compare.
-"""
+"""Solve an experiment in the three gauges, and with the prior as printed."""
 
 from __future__ import annotations
 
 import argparse
 import math
-import time
-from collections.abc import Iterable
 from pathlib import Path
 
 from tqdm import tqdm
 
 from vigauge.cli.command import LOG
 from vigauge.covariance.consistency import chi_square
-from vigauge.files import write_json, write_rows
+from vigauge.files import write_rows
 from vigauge.model.archive import load_problems, load_states, save_states
 from vigauge.observability.diagnosis import diagnose
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper.experiments.interleaved import (
     TimedSolve,
     Trial,
-    first_solves,
     solution_row,
-    solve_interleaved,
-    timing_row,
+    solve_once,
     trace_rows,
 )
 from vigauge_paper.experiments.solves import under_noise
-from vigauge_paper.ids import GAUGES, HEADLINE
+from vigauge_paper.ids import GAUGES
 from vigauge_paper.prior import gauges as gauges_of
 from vigauge_paper.run.artefacts import add_prior, add_solver
-from vigauge_paper.run.machine import describe_machine, versions
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
 
 
@@ -63,30 +55,21 @@ def work(options: argparse.Namespace) -> None:
     truth = load_states(options.truth)[0]
     models = under_noise(load_problems(options.problems), options.noise)
 
-    def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
-        return tqdm(trials, desc="solve", unit="trial", leave=False, disable=None)
-
-    first: list[TimedSolve] = []
-    timed: list[TimedSolve] = []
-    for name, problems in models.items():
-        group = [Trial({"noise": name, "trial": index}, problem) for index, problem in enumerate(problems)]
-        repeats = options.repeats if name == HEADLINE else 1
-        solves = solve_interleaved(
-            group, gauges, solver, clock=time.perf_counter, repeats=repeats, progress=bar
-        )
-        first += first_solves(solves, gauges)
-        timed += solves if name == HEADLINE else []
-    machine = describe_machine()
-    rows = [solution_row(s, truth) | _consistency(s) for s in first]
+    trials = [
+        Trial({"noise": name, "trial": index}, problem)
+        for name, problems in models.items()
+        for index, problem in enumerate(problems)
+    ]
+    bar = tqdm(trials, desc="solve", unit="trial", leave=False, disable=None)
+    solves = list(solve_once(bar, gauges, solver))
+    rows = [solution_row(s, truth) | _consistency(s) for s in solves]
     write_rows(options.solutions, rows)
-    write_rows(options.trace, [row for s in first for row in trace_rows(s)])
-    shown = [s for s in first if s.trial.labels["trial"] == 0 and s.gauge in GAUGES]
+    write_rows(options.trace, [row for s in solves for row in trace_rows(s)])
+    shown = [s for s in solves if s.trial.labels["trial"] == 0 and s.gauge in GAUGES]
     save_states(options.states, [s.solution.state for s in shown], [s.solution.status for s in shown])
-    write_rows(options.timing, [timing_row(s) for s in timed])
-    write_json(options.machine, {"machine": machine, "versions": versions()})
-    failed = sum(not s.solution.converged for s in first)
+    failed = sum(not s.solution.converged for s in solves)
     degenerate = sum(bool(row["degenerate"]) for row in rows)
-    LOG.info("%d solves, %d without convergence, %d degenerate", len(first), failed, degenerate)
+    LOG.info("%d solves, %d without convergence, %d degenerate", len(solves), failed, degenerate)
 
 
 def main() -> None:
@@ -98,7 +81,6 @@ def main() -> None:
     arguments.add_argument(
         "--noise", type=json_argument, default={}, help="noise models: sigma_px and density_factor"
     )
-    arguments.add_argument("--repeats", type=int, default=1, help="timed repeats of every trial")
     arguments.add_argument("--solutions", type=Path, required=True, help="output: a row a solve")
     arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
     arguments.add_argument(
@@ -107,15 +89,12 @@ def main() -> None:
         required=True,
         help="output: estimates of trial 0, a noise model and gauge each",
     )
-    arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
-    arguments.add_argument("--machine", type=Path, required=True, help="output: what it ran on")
     run(
         work,
         arguments,
         Stamped(
             {"solver": "solver", "prior_weight": "prior.weight", "prior_reading": "prior.reading"},
             outputs=("solutions", "trace", "states"),
-            timings=("timing", "machine"),
         ),
     )
 

@@ -16,7 +16,7 @@ from vigauge.model.archive import load_arrays
 from ..ids import GAUGES, HEADLINE, PRIOR, PRIOR_AS_PRINTED
 from ..prior import INFORMATION
 from .statistics import Criteria, Interval, bootstrap, mean, median
-from .timing import paired_ratios, timing_of
+from .timing import paired_ratios, read_timing, timing_of
 
 
 class NoEvidenceError(VigaugeError):
@@ -27,7 +27,8 @@ class NoEvidenceError(VigaugeError):
 class Evidence:
     """Result files by experiment.
 
-    ``solutions`` and ``timings`` by name of configuration or sequence; ``covariances`` too;
+    ``solutions``, ``timings`` and ``covariances`` by name of configuration or sequence (a file of times may
+    hold several);
     ``sweep``, ``sweep_timing``, ``sweep_trace`` of the prior weights, done on ``sweep_configuration``;
     ``reading`` says what a prior's weight multiplies in what is judged;
     ``reasons`` by name of the table; ``cpu`` that times were taken on; ``machine_hall`` and ``vicon_room``
@@ -114,18 +115,17 @@ class Evidence:
     ) -> Interval:
         """Interval of the median paired ratio of times, of an iteration where ``each``.
 
-        Pairs are converged solves of one trial and repeat; trials (of a sequence: repeats) are drawn anew.
+        Pairs are converged solves of one trial, each at its quickest repeat (of a sequence: of one repeat);
+        they are drawn anew.
         """
         groups = []
         for name in names:
-            timing = timing_of(self._of_reading(pd.read_csv(self.timings[name])), self.converged[name])
+            timing = timing_of(self._of_reading(read_timing(self.timings[name], name)), self.converged[name])
             timing = timing[timing["gauge"].isin((gauge, reference))]
             table = paired_ratios(timing, "gauge", reference, each=each)
             if gauge not in table or not len(table):
                 raise NoEvidenceError(f"no trial of {name} converged under both {gauge} and {reference}")
-            ratio = table[gauge]
-            by_trial = ratio.groupby("trial").median()
-            groups.append((by_trial if len(by_trial) > 1 else ratio).to_numpy(dtype=float))
+            groups.append(table[gauge].to_numpy(dtype=float))
         return bootstrap(groups, median, self.criteria)
 
     def covariance(self, name: str) -> dict[str, np.ndarray]:

@@ -1,12 +1,12 @@
-"""Repeated solves of one experiment: the gauges side by side, trial by trial.
+"""Solves of experiments, trial by trial in every gauge: once for their outcome, or repeated for their time.
 
-Gauges are interleaved and their order turns from trial to trial, so that a slow moment of
-the machine falls on all of them alike and times can be compared in pairs.
+Where times are taken, gauges are interleaved and their order turns from trial to trial, so that a slow
+moment of the machine falls on all of them alike and times can be compared in pairs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from vigauge.gauge.gauges import Gauge
@@ -36,6 +36,18 @@ class TimedSolve:
     solution: Solution
 
 
+def solve_once(
+    trials: Iterable[Trial], gauges: Mapping[str, Gauge], options: Options
+) -> Iterator[TimedSolve]:
+    """Solve every trial in every gauge, in the order given, without taking times.
+
+    ``gauges`` maps the label that rows carry to the gauge.
+    """
+    for trial in trials:
+        for name, gauge in gauges.items():
+            yield TimedSolve(trial, name, 0, solve(trial.problem, gauge, options))
+
+
 def solve_interleaved(
     trials: Sequence[Trial],
     gauges: Mapping[str, Gauge],
@@ -43,34 +55,22 @@ def solve_interleaved(
     *,
     clock: Callable[[], float],
     repeats: int = 1,
-    warm_up: bool = True,
     progress: Callable[[Iterable[Trial]], Iterable[Trial]] = lambda trials: trials,
-) -> list[TimedSolve]:
-    """Solve every trial in every gauge ``repeats`` times, gauges taking turns.
+) -> Iterator[TimedSolve]:
+    """Solve every trial in every gauge ``repeats`` times, gauges taking turns; each solve as it is done.
 
-    ``gauges`` maps the label that rows carry to the gauge. A warm-up solve in each gauge
-    goes unrecorded. ``progress`` may wrap the trials of a repeat, e.g. in a bar.
+    A warm-up solve in each gauge goes unrecorded. ``progress`` may wrap the trials of a repeat,
+    e.g. in a bar.
     """
     names = list(gauges)
-    if warm_up and trials:
-        for name in names:
-            solve(trials[0].problem, gauges[name], options)
-    out = []
+    for name in names if trials else ():
+        solve(trials[0].problem, gauges[name], options)
     for repeat in range(repeats):
         for index, trial in enumerate(progress(trials)):
             turn = (index + repeat) % len(names)
             for name in names[turn:] + names[:turn]:
                 solution = solve(trial.problem, gauges[name], options, clock=clock)
-                out.append(TimedSolve(trial, name, repeat, solution))
-    return out
-
-
-def first_solves(solves: Iterable[TimedSolve], gauges: Iterable[str]) -> list[TimedSolve]:
-    """The solves of repeat 0, ordered by trial and then gauge (not by turn)."""
-    order = {name: position for position, name in enumerate(gauges)}
-    first = [s for s in solves if s.repeat == 0]
-    seen = {id(t): position for position, t in reversed(list(enumerate(s.trial for s in first)))}
-    return sorted(first, key=lambda s: (seen[id(s.trial)], order[s.gauge]))
+                yield TimedSolve(trial, name, repeat, solution)
 
 
 def solution_row(timed: TimedSolve, truth: State, label: str = "gauge") -> Row:

@@ -1,24 +1,41 @@
-"""Times of solves compared in pairs: the same trial and repeat, under two gauges or weights."""
+"""Times of solves compared in pairs: the same trial under two gauges or weights, each at its quickest."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pandas as pd
 
 
+def read_timing(file: Path, experiment: str) -> pd.DataFrame:
+    """Times of one experiment, of a file that may hold several."""
+    table = pd.read_csv(file)
+    return table[table["experiment"] == experiment]
+
+
 def timing_of(timing: pd.DataFrame, solutions: pd.DataFrame, label: str = "gauge") -> pd.DataFrame:
-    """Timings of the runs (``label``, trial) that are among ``solutions``."""
+    """Times of the runs (``label``, trial) that are among ``solutions``: the quickest repeat of each.
+
+    Whatever else runs can only slow a solve, so the quickest repeat is the nearest to its own time. Of a
+    single trial all repeats are kept: they are all there is to take an interval from.
+    """
     runs = solutions[[label, "trial"]].drop_duplicates()
-    return timing.merge(runs, on=[label, "trial"], how="inner")
+    timing = timing.merge(runs, on=[label, "trial"], how="inner")
+    if timing["trial"].nunique() < 2:
+        return timing
+    return timing.loc[timing.groupby([label, "trial"], sort=False)["seconds"].idxmin()]
 
 
 def paired_ratios(
     timing: pd.DataFrame, label: str = "gauge", reference: str = "fix", *, each: bool
 ) -> pd.DataFrame:
-    """Time, of an iteration where ``each``, over the reference's: rows (trial, repeat), columns ``label``.
+    """Time, of an iteration where ``each``, over the reference's: a row a trial, columns ``label``.
 
-    Pairs in which a run is missing are left out.
+    ``timing`` is that of :func:`timing_of`; of a single trial, a row is a repeat. Pairs in which a run is
+    missing are left out.
     """
     seconds = timing["seconds"] / timing["iterations"] if each else timing["seconds"]
-    table = timing.assign(value=seconds).pivot(index=["trial", "repeat"], columns=label, values="value")
+    pair = "trial" if timing["trial"].nunique() > 1 else "repeat"
+    table = timing.assign(value=seconds).pivot(index=pair, columns=label, values="value")
     table = table.reindex(columns=sorted({*table.columns, reference})).dropna()
     return table.div(table[reference], axis=0)

@@ -1,7 +1,7 @@
 """Figures 7 and 11: time, iterations and time per iteration of the three gauges.
 
-Time per iteration is the median over trials and repeats of the ratio to gauge fixation in
-the same trial and repeat, with the middle half of the ratios.
+A trial counts with its quickest repeat. Time per iteration is the median over trials (of a sequence: over
+repeats) of the ratio to gauge fixation in the same trial, with the middle half of the ratios.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pandas as pd
 
 from vigauge.files import write_rows
 
-from ..experiments.timing import timing_of
+from ..experiments.timing import read_timing, timing_of
 from ..ids import FIX, GAUGES
 from .statistics import box_row, converged_only, from_row, time_per_iteration_ratios
 from .style import (
@@ -42,7 +42,7 @@ def cost_rows(name: str, solutions: Path, timing: Path) -> list[dict[str, object
     """Box statistics of time, iterations and paired ratios of one experiment, a row each."""
     everything = pd.read_csv(solutions).query("noise == 'headline'")
     solved, _ = converged_only(everything)
-    timed = timing_of(pd.read_csv(timing), solved)
+    timed = timing_of(read_timing(timing, name), solved)
     ratios = time_per_iteration_ratios(timed)
     rows = []
     for gauge in GAUGES:

@@ -52,7 +52,7 @@ def converged_only(solutions: pd.DataFrame) -> tuple[pd.DataFrame, int]:
 def time_per_iteration_ratios(
     timing: pd.DataFrame, label: str = "gauge", reference: str = "fix"
 ) -> dict[str, np.ndarray]:
-    """Time per iteration over the reference's, paired by trial and repeat; one array a gauge.
+    """Time per iteration over the reference's, paired by trial; one array a gauge.
 
     Pairs in which a run is missing are left out.
     """

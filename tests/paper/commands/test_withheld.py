@@ -43,8 +43,6 @@ def solve(
             ("solutions", "csv"),
             ("trace", "csv"),
             ("states", "npz"),
-            ("timing", "csv"),
-            ("machine", "json"),
         )
     }
     return stage(

@@ -131,8 +131,8 @@ def test_editing_a_module_reruns_what_uses_it_and_no_other_rule(
         (
             "timing.repeats_sequence",
             "4",
-            {"solve_sequence"},
-            {"simulate", "solve_simulation", "front_end", "render"},
+            {"time_sequences"},
+            {"simulate", "solve_simulation", "solve_sequence", "time_simulation", "front_end", "render"},
         ),
     ],
 )
@@ -155,7 +155,7 @@ def test_one_table_can_be_made_alone(smoke_project: Path) -> None:
     done = snakemake(smoke_project, "--dry-run", "--forceall", "paper_figures/table2.csv")
     planned = planned_rules(done.stdout + done.stderr)
     assert {"simulate", "solve_simulation"} <= planned
-    assert not planned & {"render", "front_end", "solve_sequence", "prior_sweep"}
+    assert not planned & {"render", "front_end", "solve_sequence", "prior_sweep", "time_simulation"}
 
 
 def test_sensitivity_is_swept_only_when_asked_for(smoke_project: Path) -> None:

@@ -1,0 +1,46 @@
+"""Times of several experiments taken in one process."""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from dataclasses import asdict
+from pathlib import Path
+
+import pandas as pd
+
+from support import simulated
+from vigauge.model.archive import save_problems
+from vigauge.solver.levenberg_marquardt import Options
+from vigauge_paper.commands.time_solves import work
+from vigauge_paper.prior import RESIDUAL
+
+
+def test_experiments_take_turns_and_the_speed_of_the_machine_is_recorded(tmp_path: Path) -> None:
+    """One experiment timed after the other, so that a drift of the machine passes for their difference."""
+    for name, count in (("one", 2), ("two", 1)):
+        save_problems(tmp_path / f"{name}.npz", [simulated.trial(number) for number in range(count)])
+    work(
+        Namespace(
+            problems=[(name, tmp_path / f"{name}.npz") for name in ("one", "two")],
+            prior_weight=1e5,
+            prior_reading=RESIDUAL,
+            solver=asdict(Options()),
+            noise={"two": {"headline": {"sigma_px": 2.0, "density_factor": 1.0}}},
+            repeats=2,
+            timing=tmp_path / "timing.csv",
+            machine=tmp_path / "machine.json",
+        )
+    )
+    table = pd.read_csv(tmp_path / "timing.csv")
+    turns = table.drop_duplicates(["repeat", "experiment", "trial"])
+    assert list(zip(turns["experiment"], turns["trial"], strict=True)) == 2 * [
+        ("one", 0),
+        ("two", 0),
+        ("one", 1),
+    ]
+    assert (table.groupby(["repeat", "experiment", "trial"])["gauge"].nunique() == 4).all()
+    assert (table["seconds"] > 0).all()
+    speed = json.loads((tmp_path / "machine.json").read_text("utf-8"))["speed"]
+    assert len(speed["reference_s"]) == 2 + 1  # before every repeat and at the end
+    assert speed["drift"] == max(speed["reference_s"]) / min(speed["reference_s"]) - 1.0
