@@ -8,6 +8,8 @@ GAUGES = (FIX, FREE, PRIOR)
 NOT_FIXED = (FREE, PRIOR)
 # The prior whose weight is its information, as the paper's text says; its figures say otherwise.
 PRIOR_AS_PRINTED = "prior_as_printed"
+# Fixation once more, timed only: its ratio to the first shows how small an effect the times can tell.
+FIX_AGAIN = "fix_again"
 
 # The simulated configurations by name: trajectory and points (Section IV-A).
 TRAJECTORIES = ("sine", "arc", "rec")

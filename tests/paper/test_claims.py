@@ -306,6 +306,7 @@ def test_reasons_are_given_for_all_claims(tmp_path: Path) -> None:
     measured = {str(row["id"]): str(row["measured"]) for row in ledger(found)}
     for claim in ("free-faster", "time-per-iteration", "prior-cost", "euroc-time"):
         assert "made-up processor" in measured[claim]
+    assert "fixation timed twice 1 [1, 1]" in measured["time-per-iteration"]
 
 
 def test_rows_have_the_columns_and_verdicts_of_the_contract(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """Time the solves of several experiments in one process, experiments and gauges interleaved.
 
 So a slow moment of the machine falls on all alike, and a drift of its speed does not pass for a difference
-of experiments. BLAS runs on one thread: more are slower at these sizes, and times would not compare.
+of experiments. Fixation is timed twice, which shows how small an effect the times can tell. BLAS runs on
+one thread: more are slower at these sizes, and times would not compare.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from vigauge.model.archive import load_problems
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper.experiments.interleaved import Trial, solve_interleaved, timing_row
 from vigauge_paper.experiments.solves import under_noise
-from vigauge_paper.ids import HEADLINE
+from vigauge_paper.ids import FIX, FIX_AGAIN, HEADLINE
 from vigauge_paper.prior import gauges as gauges_of
 from vigauge_paper.run.artefacts import add_prior, add_solver, named_file
 from vigauge_paper.run.machine import describe_machine, reference_seconds, versions
@@ -30,6 +31,7 @@ from vigauge_paper.run.stage import Stamped, json_argument, parser, run, setting
 def work(options: argparse.Namespace) -> None:
     solver = settings_from(Options, options.solver, "solver")
     gauges = gauges_of(options.prior_weight, options.prior_reading)
+    gauges[FIX_AGAIN] = gauges[FIX]
     groups = []
     for name, file in options.problems:
         problems = under_noise(load_problems(file), options.noise.get(name, {}))[HEADLINE]

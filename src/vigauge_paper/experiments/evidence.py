@@ -13,7 +13,7 @@ import pandas as pd
 from vigauge.errors import VigaugeError
 from vigauge.model.archive import load_arrays
 
-from ..ids import GAUGES, HEADLINE, PRIOR, PRIOR_AS_PRINTED
+from ..ids import FIX, FIX_AGAIN, GAUGES, HEADLINE, PRIOR, PRIOR_AS_PRINTED
 from ..prior import INFORMATION
 from .statistics import Criteria, Interval, bootstrap, mean, median
 from .timing import paired_ratios, read_timing, timing_of
@@ -59,7 +59,7 @@ class Evidence:
         """Runs of a table of solves under :attr:`reading`, whose prior is called 'prior'."""
         if self.reading == INFORMATION and (table["gauge"] == PRIOR_AS_PRINTED).any():
             table = table[table["gauge"] != PRIOR].replace({"gauge": {PRIOR_AS_PRINTED: PRIOR}})
-        return table[table["gauge"].isin(GAUGES)]
+        return table[table["gauge"].isin((*GAUGES, FIX_AGAIN))]
 
     def _of_sweep(self, file: Path) -> pd.DataFrame:
         """A table of the sweep under :attr:`reading`."""
@@ -120,7 +120,10 @@ class Evidence:
         """
         groups = []
         for name in names:
-            timing = timing_of(self._of_reading(read_timing(self.timings[name], name)), self.converged[name])
+            good = self.converged[name]
+            again = good[good["gauge"] == FIX].assign(gauge=FIX_AGAIN)
+            timing = self._of_reading(read_timing(self.timings[name], name))
+            timing = timing_of(timing, pd.concat([good, again]))
             timing = timing[timing["gauge"].isin((gauge, reference))]
             table = paired_ratios(timing, "gauge", reference, each=each)
             if gauge not in table or not len(table):

@@ -39,7 +39,7 @@ def test_experiments_take_turns_and_the_speed_of_the_machine_is_recorded(tmp_pat
         ("two", 0),
         ("one", 1),
     ]
-    assert (table.groupby(["repeat", "experiment", "trial"])["gauge"].nunique() == 4).all()
+    assert (table.groupby(["repeat", "experiment", "trial"])["gauge"].nunique() == 5).all()
     assert (table["seconds"] > 0).all()
     speed = json.loads((tmp_path / "machine.json").read_text("utf-8"))["speed"]
     assert len(speed["reference_s"]) == 2 + 1  # before every repeat and at the end
