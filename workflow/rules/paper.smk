@@ -333,6 +333,25 @@ rule figure_nees:
         " --stamps {input.stamps:q} --log {log:q}"
 
 
+rule figure_reading:
+    input:
+        pulls="data/reasons/reading.csv",
+        stamps="data/reasons/stamp.json",
+        code=code_of("figure_reading"),
+    output:
+        png=figure_image("prior_reading"),
+        beside=beside_image("prior_reading"),
+    log:
+        "logs/paper/prior_reading.log",
+    conda:
+        "../envs/vigauge.yaml"
+    message:
+        FIGURES["prior_reading"].title
+    shell:
+        "python -m vigauge_paper.commands.figure_reading --pulls {input.pulls:q} --output {output.png:q}"
+        " --stamps {input.stamps:q} --log {log:q}"
+
+
 rule claims:
     input:
         expand("data/solutions/{name}/solutions.csv", name=EXPERIMENTS),

@@ -179,7 +179,7 @@ PRIOR_WEIGHT = (
     ),
     Claim(
         "weight-cost-settles",
-        ("fig05", "reading"),
+        ("fig05", "prior_reading", "reading"),
         "V-A, Fig. 5",
         "Iterations stabilise above a threshold of the prior weight",
         "5 from 500 on",

@@ -48,13 +48,14 @@ def rows(material: Material, settings: NoSettings) -> list[Row]:
 
 
 def slopes(table: pd.DataFrame) -> pd.Series:
-    """Slope of log(1 / r - 1) over log w, by source and quantity, over the weights that the paper shows."""
-    shown = set(table.loc[table["source"] == PAPER, "weight"])
-    if len(shown) < 2:
+    """Slope of log(1 / r - 1) over log w, by source and quantity; none for fewer than two weights."""
+    if (table["source"] == PAPER).sum() < 2:
         raise NoEvidenceError("fewer than two published first steps")
+    kinds = ["source", "quantity"]
     return (
-        table[table["weight"].isin(shown)]
-        .groupby(["source", "quantity"])[["weight", "pull"]]
+        table.groupby(kinds)
+        .filter(lambda part: len(part) > 1)
+        .groupby(kinds)[["weight", "pull"]]
         .apply(lambda part: float(np.polyfit(np.log(part["weight"]), np.log(part["pull"]), 1)[0]))
     )
 

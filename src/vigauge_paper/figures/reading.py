@@ -13,16 +13,16 @@ from ..prior import INFORMATION, MEANING, RESIDUAL
 from .style import PAGE, PUBLISHED, new_figure, save_figure
 
 _LINES = {
-    PAPER: ("paper's Fig. 6", PUBLISHED, "o", "-"),
     RESIDUAL: (f"ours, weight {MEANING[RESIDUAL]}", "#5D3A9B", "s", "--"),
     INFORMATION: (f"ours, weight {MEANING[INFORMATION]}", "#E66100", "^", ":"),
+    PAPER: ("paper's Fig. 6", PUBLISHED, "o", "-"),
 }
 _PANELS = {"position_m": "Position", "yaw_rad": "Yaw"}
 
 
 def draw_reading(pulls: Path, stem: Path) -> None:
     """1 / r - 1 over the weight on logarithmic axes, with the slope of each line; r is the prior error after
-    one step over that of the free gauge.
+    one step over that of the free gauge. A line of fewer than two weights has no slope.
     """
     table = pd.read_csv(pulls)
     slope = slopes(table)
@@ -31,17 +31,20 @@ def draw_reading(pulls: Path, stem: Path) -> None:
             for source, (label, colour, marker, style) in _LINES.items():
                 part = table[(table["source"] == source) & (table["quantity"] == quantity)]
                 part = part.sort_values("weight")
-                text = f"{label}: slope {slope[source, quantity]:.2f}"
+                found = slope.get((source, quantity))
+                text = label if found is None else f"{label}: slope {found:.2f}"
                 panel.loglog(
                     part["weight"], part["pull"], color=colour, marker=marker, linestyle=style, label=text
                 )
             panel.set_title(title)
             panel.set_xlabel("Prior weight $w^P$")
             panel.grid(True)
-            panel.legend(loc="lower right")
+            # The lines rise from the lower left: the room above the upper left one is empty.
+            panel.set_ylim(top=1e17)
+            panel.legend(loc="upper left")
         axes[0].set_ylabel("Pull of the prior in the first step, $1/r - 1$")
         save_figure(figure, stem)
     write_rows(
         f"{stem}.csv",
-        [{**row, "slope": slope[row["source"], row["quantity"]]} for row in table.to_dict("records")],
+        [{**row, "slope": slope.get((row["source"], row["quantity"]))} for row in table.to_dict("records")],
     )

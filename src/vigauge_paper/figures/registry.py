@@ -33,5 +33,6 @@ _ALL = (
     Figure("fig10", "fig10_covariance_euroc", "Figure 10", "matrices", ".npz"),
     Figure("fig11", "fig11_euroc_cost", "Figure 11", "cost"),
     Figure("nees", "nees", "NEES", "nees"),
+    Figure("prior_reading", "prior_reading", "What the prior's weight multiplies", "reading"),
 )
 FIGURES = {figure.key: figure for figure in _ALL}
