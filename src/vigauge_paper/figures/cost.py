@@ -1,7 +1,7 @@
 """Figures 7 and 11: time, iterations and time per iteration of the three gauges.
 
 A trial counts with its quickest repeat. Time per iteration is the median over trials (of a sequence: over
-repeats) of the ratio to gauge fixation in the same trial, with the middle half of the ratios.
+repeats) of the ratio to gauge fixation in the same trial, with the 95 % interval of that median.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from vigauge.files import write_rows
 
 from ..experiments.timing import read_timing, timing_of
-from ..ids import FIX, GAUGES
-from .statistics import box_row, converged_only, from_row, time_per_iteration_ratios
+from ..ids import GAUGES
+from .statistics import box_row, converged_only, from_row, median_interval, time_per_iteration_ratios
 from .style import (
     COLOURS,
     COLUMN,
@@ -31,11 +33,16 @@ from .style import (
 )
 
 _OFFSET = {"fix": -0.26, "free": 0.0, "prior": 0.26}
+# Darker than what is the paper's elsewhere: small crosses on top of boxes.
+_CROSS = "#4D4D4D"
+_BAND = "1 ± 2 %"
+TIME, RATIO = "time_s", "time_per_iteration_ratio"
 _AXES = (
-    ("time_s", "Time (s)"),
+    (TIME, "Time (ms)"),
     ("iterations", "Iterations (#)"),
-    ("time_per_iteration_ratio", "Time per iter. (ratio)"),
+    (RATIO, "Time per iteration\nover fix (ratio)"),
 )
+_SCALED = ("whisker_low", "q1", "median", "q3", "whisker_high", "median_low", "median_high")
 
 
 def cost_rows(name: str, solutions: Path, timing: Path) -> list[dict[str, object]]:
@@ -51,15 +58,18 @@ def cost_rows(name: str, solutions: Path, timing: Path) -> list[dict[str, object
         times = timed.loc[timed["gauge"] == gauge, "seconds"].to_numpy()
         counts = solved.loc[solved["gauge"] == gauge, "iterations"].to_numpy()
         for quantity, values in (
-            ("time_s", times),
+            (TIME, times),
             ("iterations", counts),
-            ("time_per_iteration_ratio", ratios.get(gauge, np.empty(0))),
+            (RATIO, ratios.get(gauge, np.empty(0))),
         ):
+            low, high = median_interval(values)
             rows.append(
                 {
                     **box_row(values, **labels, quantity=quantity),
                     "mean": float(np.mean(values)) if len(values) else float("nan"),
                     "excluded": excluded,
+                    "median_low": low,
+                    "median_high": high,
                 }
             )
     return rows
@@ -71,7 +81,35 @@ def _published(table: pd.DataFrame, their_name: str, quantity: str, gauge: str) 
     row = table[(table[key] == their_name) & (table["quantity"] == quantity) & (table["gauge"] == gauge)]
     if not len(row):
         return float("nan")
-    return float(row["value" if quantity == "time_per_iteration_ratio" else "median"].iloc[0])
+    return float(row["value" if quantity == RATIO else "median"].iloc[0])
+
+
+def _factor(table: pd.DataFrame, theirs: pd.DataFrame | None, published: Mapping[str, str]) -> float:
+    """The paper's times over ours, two digits: the middle of experiments and gauges; NaN without a pair."""
+    if theirs is None:
+        return float("nan")
+    ratios = np.array(
+        [
+            _published(theirs, published[row["experiment"]], TIME, row["gauge"]) / row["median"]
+            for _, row in table[table["quantity"] == TIME].iterrows()
+        ]
+    )
+    ratios = ratios[np.isfinite(ratios)]
+    return float(f"{np.median(ratios):.2g}") if len(ratios) else float("nan")
+
+
+def _draw_gauge(
+    panel: Axes, quantity: str, own: pd.DataFrame, places: list[float], gauge: str, label: str
+) -> None:
+    """A gauge's boxes with a mark at each median; of ratios the marks and their 95 % intervals."""
+    middle = own["median"].to_numpy()
+    look = {"marker": MARKERS[gauge], "color": COLOURS[gauge], "linestyle": "none", "label": label}
+    if quantity == RATIO:
+        reach = np.array([middle - own["median_low"], own["median_high"] - middle])
+        panel.errorbar(places, middle, yerr=reach, elinewidth=0.9, capsize=1.5, **look)
+        return
+    box_plot(panel, [from_row(row) for _, row in own.iterrows()], places, 0.2, COLOURS[gauge])
+    panel.plot(places, middle, markersize=2.5, **look)
 
 
 def draw_cost(
@@ -84,51 +122,53 @@ def draw_cost(
 ) -> None:
     """Three panels, a group of boxes an experiment.
 
-    ``published`` maps an experiment to its name in ``published_file``, whose iterations and
-    ratios are marked in grey (its times belong to another machine).
+    ``published`` maps an experiment to its name in ``published_file``, whose medians are crosses.
+    Its times belong to another machine: they have the axis on the right, a stated multiple of ours.
     """
     rows = [row for name in solutions for row in cost_rows(name, solutions[name], timings[name])]
     table = pd.DataFrame(rows)
     theirs = None if published_file is None else pd.read_csv(published_file)
+    factor = _factor(table, theirs, published)
     wide = len(solutions) < 4
-    shape, size = ((1, 3), (PAGE, 2.4)) if wide else ((3, 1), (COLUMN, 4.3))
+    shape, size = ((1, 3), (PAGE, 2.6)) if wide else ((3, 1), (COLUMN, 4.7))
     with new_figure(*size, *shape, sharex=True) as (figure, axes):
         for panel, (quantity, label) in zip(axes, _AXES, strict=True):
+            unit = 1e3 if quantity == TIME else 1.0
             for gauge in GAUGES:
-                own = table[(table["gauge"] == gauge) & (table["quantity"] == quantity)].set_index(
-                    "experiment"
-                )
+                own = table[(table["gauge"] == gauge) & (table["quantity"] == quantity)]
+                own = own.set_index("experiment").loc[list(solutions), list(_SCALED)] * unit
                 places = [number + _OFFSET[gauge] for number in range(len(solutions))]
-                stats = [own.loc[name] for name in solutions]
-                if quantity == "time_per_iteration_ratio":
-                    middle = np.array([row["median"] for row in stats])
-                    error = [middle - [row["q1"] for row in stats], [row["q3"] for row in stats] - middle]
-                    panel.errorbar(
-                        places,
-                        middle,
-                        yerr=error,
-                        fmt=MARKERS[gauge],
-                        color=COLOURS[gauge],
-                        elinewidth=0.7,
-                        label=LABELS[gauge],
-                    )
-                else:
-                    box_plot(panel, [from_row(row) for row in stats], places, 0.2, COLOURS[gauge])
-                    panel.plot([], [], color=COLOURS[gauge], marker=MARKERS[gauge], label=LABELS[gauge])
-                if theirs is not None and quantity != "time_s":
-                    values = [_published(theirs, published[name], quantity, gauge) for name in solutions]
-                    mark = "paper" if gauge == FIX else None
-                    panel.plot(places, values, "x", color=PUBLISHED, markersize=4, label=mark)
+                _draw_gauge(panel, quantity, own, places, gauge, LABELS[gauge])
+                if theirs is not None:
+                    scale = unit / factor if quantity == TIME else 1.0
+                    values = [
+                        scale * _published(theirs, published[name], quantity, gauge) for name in solutions
+                    ]
+                    mark = "paper" if gauge == GAUGES[-1] else None
+                    beside = [place + 0.12 for place in places]
+                    panel.plot(beside, values, "x", color=_CROSS, markersize=3.5, zorder=3, label=mark)
+            if quantity == RATIO:
+                panel.axhspan(0.98, 1.02, color=PUBLISHED, alpha=0.25, linewidth=0, label=_BAND)
+                panel.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
+            else:
+                # Room above what is highest, so that marks at the edge are whole.
+                top = panel.dataLim.y1
+                panel.set_ylim(0.0, 1.08 * top if np.isfinite(top) else 1.0)
+            if quantity == TIME and np.isfinite(factor):
+                right = panel.secondary_yaxis("right", functions=(lambda y: y * factor, lambda y: y / factor))
+                right.tick_params(colors=_CROSS)
+                right.set_ylabel(f"paper (ms), {factor:g} × left", color=_CROSS)
             panel.set_ylabel(label)
             panel.grid(True, axis="y")
-            if quantity != "time_per_iteration_ratio":
-                panel.set_ylim(bottom=0.0)
         for panel in axes if wide else axes[-1:]:
             panel.set_xticks(range(len(solutions)), _tick_labels(solutions, rows, wrapped=not wide))
             panel.tick_params(axis="x", labelsize=6.5)
-        axes[1].legend(
-            ncols=4 if not wide else 1, fontsize=6, loc="lower right", handletextpad=0.3, columnspacing=0.8
-        )
+        named = dict(zip(*reversed(axes[-1].get_legend_handles_labels()), strict=True))
+        shown = [name for name in (*LABELS.values(), "paper", _BAND) if name in named]
+        figure.legend(
+            [named[name] for name in shown], shown, loc="outside upper center", ncols=5,
+            handletextpad=0.3, columnspacing=0.9,
+        )  # fmt: skip
         note_stand_in(figure, rendered)
         save_figure(figure, stem)
     write_rows(f"{stem}.csv", rows)

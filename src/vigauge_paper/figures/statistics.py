@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.stats import binom
 
 from ..experiments.timing import paired_ratios
 
@@ -35,6 +36,18 @@ def box_row(values: np.ndarray, **labels: object) -> dict[str, object]:
         "whisker_high": b["whishi"],
         "count": len(values),
     }
+
+
+def median_interval(values: np.ndarray) -> tuple[float, float]:
+    """Two of the values between which the median of what they are drawn from lies, with 95 % probability.
+
+    The whole range for fewer than six values, which cannot say as much; NaN where there are none.
+    """
+    if not len(values):
+        return float("nan"), float("nan")
+    ordered = np.sort(values)
+    place = max(int(binom.ppf(0.025, len(values), 0.5)) - 1, 0)
+    return float(ordered[place]), float(ordered[-1 - place])
 
 
 def from_row(row: pd.Series) -> dict[str, Any]:
