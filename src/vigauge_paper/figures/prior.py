@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullLocator
 
 from vigauge.files import write_rows
 
@@ -26,6 +27,15 @@ _READING_COLOURS = {RESIDUAL: _OURS, INFORMATION: "#E66100"}
 FREE = "free"
 _LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 _PATH_COLOURS = ("#000000", "#D55E00", "#009E73", "#0072B2", "#56B4E9")
+_PATH_PANELS = (
+    ("prior_yaw_rad", "yaw_rad", "Yaw prior error (rad)"),
+    ("prior_position_m", "position_m", "Position prior error (m)"),
+)
+_OWN = "Ours"
+# Fig. 6: linear below this error, so that zero has a place; labels of iterations that are nearer than these
+# decades would overlap.
+_FLOOR = 1e-6
+_LABEL_DECADES = 0.3
 
 
 def _weights(sweep: pd.DataFrame) -> list[str]:
@@ -171,51 +181,88 @@ def draw_cost(
     write_rows(f"{stem}.csv", table.to_dict("records"))
 
 
+def _ranges(heights: np.ndarray) -> list[tuple[str, float]]:
+    """Iterations from the first on as text, with their height: '3' or, where labels would overlap, '3–5'."""
+    groups: list[list[int]] = []
+    for step in range(1, len(heights)):
+        if groups and abs(heights[step] - heights[groups[-1][0]]) < _LABEL_DECADES:
+            groups[-1].append(step)
+        else:
+            groups.append([step])
+    return [
+        (f"{g[0]}–{g[-1]}" if len(g) > 1 else f"{g[0]}", float(np.mean(heights[[g[0], g[-1]]])))
+        for g in groups
+    ]
+
+
+def _draw_path(panel: Axes, column: int, weight: str, pixels: np.ndarray, errors: np.ndarray) -> None:
+    """One path: dots that grow with the iteration, and the iterations' numbers in a column."""
+    colour, style = _PATH_COLOURS[column], _LINES[column]
+    panel.plot(pixels, errors, color=colour, linestyle=style)
+    panel.scatter(pixels, errors, s=3.0 + 2.5 * np.arange(len(errors)), color=colour, linewidth=0, zorder=3)
+    place = 0.045 + 0.08 * column
+    look = {"color": colour, "ha": "center", "fontsize": 7}
+    panel.text(place, 1.02, weight, transform=panel.transAxes, fontweight="bold", **look)
+    for text, height in _ranges(np.log10(np.maximum(errors, _FLOOR))):
+        y = 10.0**height if height > np.log10(_FLOOR) else 0.0
+        panel.text(place, y, text, transform=panel.get_yaxis_transform(), va="center", **look)
+
+
+def _pixel_axis(panel: Axes, low: float, high: float) -> None:
+    """Logarithmic axis of reprojection errors, with room on the left for the columns of iterations."""
+    span = np.log10(high / low)
+    panel.set_xlim(low / 10.0 ** (0.85 * span), high * 10.0 ** (0.16 * span))
+    panel.axvspan(panel.get_xlim()[0], low / 10.0 ** (0.07 * span), color="#F2F2F2", zorder=0)
+    ticks = [n * 10.0**k for k in range(-3, 4) for n in (1, 2, 5)]
+    ticks = [tick for tick in ticks if low / 1.2 <= tick <= 1.2 * high]
+    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    panel.xaxis.set_minor_locator(NullLocator())
+
+
 def draw_paths(
     sweep: pd.DataFrame, trace: pd.DataFrame, stem: Path, weights: list[str], published: Path | None
 ) -> None:
     """Figure 6: prior error of yaw and position against mean reprojection error, a dot an iteration.
 
-    A path whose run did not converge says so in the legend, and in the numbers.
+    The paper's paths have a row of their own, above ours. Errors are on a logarithmic axis down to
+    1e-6, and linear below, where the start and very strong priors are. Left of the paths, below each
+    weight, stand the numbers of the iterations at their heights. A path whose run did not converge
+    says so in a corner of ours, and in the numbers.
     """
     trace = trace[trace["trial"] == 0]
     status = sweep[sweep["trial"] == 0].set_index("weight")["status"].to_dict()
     failed = _failed(sweep[sweep["trial"] == 0])
-    theirs = None if published is None else pd.read_csv(published / "fig06_prior_error_paths.csv")
-    panels = (
-        ("prior_yaw_rad", "yaw_rad", "Yaw prior error (rad)"),
-        ("prior_position_m", "position_m", "Position prior error (m)"),
-    )
-    with new_figure(PAGE, 2.7, 1, 2) as (figure, axes):
-        for panel, (column, their_panel, label) in zip(axes, panels, strict=True):
-            if theirs is not None:
-                for number, (_, path) in enumerate(
-                    theirs[theirs["panel"] == their_panel].groupby("weight", sort=False)
-                ):
-                    x, y = path["mean_reprojection_px"], path["prior_error"]
-                    mark = "paper" if number == 0 else None
-                    panel.plot(x, y, color=PUBLISHED, marker=".", markersize=2, linewidth=0.5, label=mark)
-            for weight, colour, style in zip([FREE, *weights], _PATH_COLOURS, _LINES, strict=True):
-                path = trace[trace["weight"] == weight]
-                label_of = "Free" if weight == FREE else f"$w^P$ = {weight}"
-                label_of += f" ({status[weight]})" if weight in failed else ""
-                x, y = path["mean_reprojection_px"], path[column]
-                panel.plot(x, y, color=colour, linestyle=style, marker="o", markersize=2.5, label=label_of)
-            start = trace[(trace["weight"] == FREE) & (trace["iteration"] == 0)].iloc[0]
-            panel.annotate(
-                "start",
-                (start["mean_reprojection_px"], 0.0),
-                (-6, 5),
-                textcoords="offset points",
-                ha="center",
-                fontsize=6,
-            )
+    drawn = {_OWN: trace[trace["weight"].isin([FREE, *weights])]}
+    if published is not None:
+        table = pd.read_csv(published / "fig06_prior_error_paths.csv", dtype={"weight": str})
+        wide = table.pivot(
+            index=["weight", "step", "mean_reprojection_px"], columns="panel", values="prior_error"
+        )
+        drawn = {"Paper": wide.rename(columns={t: o for o, t, _ in _PATH_PANELS}).reset_index(), **drawn}
+    pixels = pd.concat(drawn.values())["mean_reprojection_px"]
+    notes = [f"{weight} ({status[weight]})" for weight in failed if weight in (FREE, *weights)]
+    with new_figure(
+        PAGE, 0.4 + 2.4 * len(drawn), len(drawn), 2, sharex=True, sharey="col", squeeze=False
+    ) as (figure, axes):
+        for row, (whose, paths) in zip(axes, drawn.items(), strict=True):
+            for panel, (column, _, label) in zip(row, _PATH_PANELS, strict=True):
+                panel.set_xscale("log")
+                panel.set_yscale("symlog", linthresh=_FLOOR, linscale=0.5)
+                for number, weight in enumerate([FREE, *weights]):
+                    path = paths[paths["weight"] == weight].dropna(subset=column)
+                    x, y = (path[name].to_numpy() for name in ("mean_reprojection_px", column))
+                    _draw_path(panel, number, weight, x, y)
+                _pixel_axis(panel, pixels.min(), pixels.max())
+                panel.set_ylabel(label)
+                panel.grid(True)
+                panel.set_title(f"{whose}; iterations (left) by prior weight $w^P$", pad=15, loc="left")
+                start = paths["mean_reprojection_px"].max()
+                panel.annotate("start", (start, 0.0), (2, 5), textcoords="offset points", fontsize=7)
+                if whose == _OWN:
+                    panel.text(0.98, 0.97, "\n".join(notes), transform=panel.transAxes, ha="right", va="top")
+        for panel in axes[-1]:
             panel.set_xlabel("Average reprojection error (px)")
-            panel.set_ylabel(label)
-            panel.grid(True)
-        axes[1].legend()
         save_figure(figure, stem)
-    shown = trace[trace["weight"].isin([FREE, *weights])]
     columns = ["weight", "iteration", "mean_reprojection_px", "prior_yaw_rad", "prior_position_m", "cost"]
-    shown = shown[columns].assign(status=shown["weight"].map(status))
+    shown = drawn[_OWN][columns].assign(status=drawn[_OWN]["weight"].map(status))
     write_rows(f"{stem}.csv", shown.to_dict("records"))
