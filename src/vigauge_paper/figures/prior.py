@@ -211,7 +211,7 @@ def _draw_path(panel: Axes, column: int, weight: str, pixels: np.ndarray, errors
 def _pixel_axis(panel: Axes, low: float, high: float) -> None:
     """Logarithmic axis of reprojection errors, with room on the left for the columns of iterations."""
     span = np.log10(high / low)
-    panel.set_xlim(low / 10.0 ** (0.85 * span), high * 10.0 ** (0.16 * span))
+    panel.set_xlim(low / 10.0 ** (0.85 * span), high * 10.0 ** (0.2 * span))
     panel.axvspan(panel.get_xlim()[0], low / 10.0 ** (0.07 * span), color="#F2F2F2", zorder=0)
     ticks = [n * 10.0**k for k in range(-3, 4) for n in (1, 2, 5)]
     ticks = [tick for tick in ticks if low / 1.2 <= tick <= 1.2 * high]

@@ -39,9 +39,9 @@ def draw_reading(pulls: Path, stem: Path) -> None:
             panel.set_title(title)
             panel.set_xlabel("Prior weight $w^P$")
             panel.grid(True)
-            # The lines rise from the lower left: the room above the upper left one is empty.
-            panel.set_ylim(top=1e17)
             panel.legend(loc="upper left")
+        # Room for the legends, above all lines.
+        axes[0].set_ylim(top=1e6 * table["pull"].max())
         axes[0].set_ylabel("Pull of the prior in the first step, $1/r - 1$")
         save_figure(figure, stem)
     write_rows(

@@ -15,9 +15,10 @@ from vigauge_paper.prior import INFORMATION, RESIDUAL
 
 
 def test_each_line_states_its_own_slope(tmp_path: Path, drawn: list[Figure]) -> None:
-    """Catches the slope of one reading under the other's name, and one made up from a single weight."""
+    """Catches the slope of one reading under the other's name, one made up from one weight, lost dots."""
     table = reasons()["reading"]
     lone = (table["source"] == INFORMATION) & (table["quantity"] == "yaw_rad") & (table["weight"] > 7.0)
+    table.loc[table["quantity"] == "yaw_rad", "pull"] /= 100.0
     table[~lone].to_csv(tmp_path / "reading.csv", index=False)
     reading.draw_reading(tmp_path / "reading.csv", tmp_path / "fig")
     words = [text.get_text() for text in drawn[0].findobj(Text)]
@@ -25,6 +26,8 @@ def test_each_line_states_its_own_slope(tmp_path: Path, drawn: list[Figure]) -> 
     assert words.count("ours, weight is the information") == 1
     assert words.count("ours, weight multiplies the residual: slope 2.00") == 2
     assert words.count("paper's Fig. 6: slope 2.00") == 2
+    low, high = drawn[0].axes[1].get_ylim()
+    assert all(low < y < high for panel in drawn[0].axes for line in panel.lines for y in line.get_ydata())
     rows = pd.read_csv(tmp_path / "fig.csv")
     assert len(rows) == (~lone).sum()
     slopes = rows.groupby(["source", "quantity"])["slope"].first()
