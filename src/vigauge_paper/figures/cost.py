@@ -152,6 +152,7 @@ def draw_cost(
                 panel.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
             else:
                 # Room above what is highest, so that marks at the edge are whole.
+                panel.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 2, 5, 10], integer=quantity != TIME))
                 top = panel.dataLim.y1
                 panel.set_ylim(0.0, 1.08 * top if np.isfinite(top) else 1.0)
             if quantity == TIME and np.isfinite(factor):
@@ -166,7 +167,7 @@ def draw_cost(
         named = dict(zip(*reversed(axes[-1].get_legend_handles_labels()), strict=True))
         shown = [name for name in (*LABELS.values(), "paper", _BAND) if name in named]
         figure.legend(
-            [named[name] for name in shown], shown, loc="outside upper center", ncols=5,
+            [named[name] for name in shown], shown, loc="outside lower center", ncols=5,
             handletextpad=0.3, columnspacing=0.9,
         )  # fmt: skip
         note_stand_in(figure, rendered)

@@ -18,14 +18,14 @@ from vigauge_paper.ids import FIGURE7_ORDER
 PUBLISHED = ROOT / "data" / "published" / "fig07_simulation_cost.csv"
 
 
-def draw(folder: Path, published: Path | None) -> None:
+def draw(folder: Path, published: Path | None, rendered: bool = False) -> None:
     for name in FIGURE7_ORDER:
         solutions(name).to_csv(folder / f"{name}.solutions.csv", index=False)
         timing(name).to_csv(folder / f"{name}.timing.csv", index=False)
     files = (
         {name: folder / f"{name}.{kind}.csv" for name in FIGURE7_ORDER} for kind in ("solutions", "timing")
     )
-    cost.draw_cost(*files, {name: name for name in FIGURE7_ORDER}, published, folder / "fig")
+    cost.draw_cost(*files, {name: name for name in FIGURE7_ORDER}, published, folder / "fig", rendered)
 
 
 def test_nothing_is_cut_off(tmp_path: Path, drawn: list[Figure]) -> None:
@@ -51,6 +51,14 @@ def test_times_of_the_paper_are_read_off_the_axis_on_the_right(tmp_path: Path, d
     wanted = 1e3 * table.set_index("configuration")["median"][list(FIGURE7_ORDER)]
     crosses = [factor * np.asarray(line.get_ydata()) for line in panel.lines if line.get_marker() == "x"]
     assert any(np.allclose(values, wanted) for values in crosses)
+
+
+def test_the_legend_leaves_the_name_of_the_stand_in_free(tmp_path: Path, drawn: list[Figure]) -> None:
+    """Catches a legend that hides that the data are not EuRoC's."""
+    draw(tmp_path, None, rendered=True)
+    (legend,), name = drawn[0].legends, drawn[0]._suptitle
+    assert name is not None and name.get_text()
+    assert not legend.get_window_extent().overlaps(name.get_window_extent())
 
 
 def test_without_the_paper_there_is_no_second_axis(tmp_path: Path, drawn: list[Figure]) -> None:
