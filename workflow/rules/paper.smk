@@ -432,7 +432,8 @@ rule claims_page:
 
 rule comparison:
     input:
-        expand("data/solutions/{name}/{file}.csv", name=EXPERIMENTS, file=["solutions", "timing"]),
+        expand("data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
+        sorted(set(TIMINGS.values())),
         expand("data/covariance/{name}.npz", name=EXPERIMENTS),
         published=expand("{folder}/{file}", folder=PUBLISHED_FOLDER, file=COMPARED_FILES),
         sweep="data/prior_sweep/sweep.csv",
@@ -456,7 +457,7 @@ rule comparison:
         "../envs/vigauge.yaml"
     params:
         solutions=expand("{name}=data/solutions/{name}/solutions.csv", name=EXPERIMENTS),
-        timings=expand("{name}=data/solutions/{name}/timing.csv", name=EXPERIMENTS),
+        timings=[f"{name}={file}" for name, file in TIMINGS.items()],
         covariances=expand("{name}=data/covariance/{name}.npz", name=EXPERIMENTS),
         published=folder_of_published,
         reading=config["prior"]["reading"],

@@ -14,7 +14,7 @@ from vigauge.model.archive import load_arrays, load_problems
 from vigauge.solver.levenberg_marquardt import Options
 
 from ..experiments.exchange import published_magnitude
-from ..experiments.timing import paired_ratios, timing_of
+from ..experiments.timing import paired_ratios, read_timing, timing_of
 from ..figures.registry import FIGURES
 from ..figures.statistics import converged_only
 from ..ids import CONFIGURATIONS, ERRORS, FIX, FREE
@@ -146,7 +146,7 @@ def _cost(results: Results, artefact: str, names: Mapping[str, str]) -> Iterator
     paper = results.paper(artefact)
     for name, their_name in names.items():
         solved = results.solved(name)
-        timed = timing_of(pd.read_csv(results.timings[name]).query("noise == 'headline'"), solved)
+        timed = timing_of(read_timing(results.timings[name], name), solved)
         ratios = paired_ratios(timed, each=True)
         for _, row in paper[paper.iloc[:, 0] == their_name].iterrows():
             gauge, quantity = row["gauge"], row["quantity"]
