@@ -84,3 +84,16 @@ def test_point_behind_the_camera_has_infinite_error() -> None:
     uv = np.repeat([[K[0, 2] + K[0, 0] * 0.05, K[1, 2] + K[1, 1] * 0.1]], 2, axis=0)
     error = reprojection_error(K, np.eye(3), np.zeros(3), points, uv)
     assert error[0] < 1e-9 and np.isinf(error[1])
+
+
+@given(st.integers(0, 1000))
+def test_rounding_of_the_input_does_not_grow(seed: int) -> None:
+    """A pose that stops short of its minimum: on another processor an inlier becomes an outlier."""
+    _, _, points, uv = view(seed)
+    rng = np.random.default_rng(seed)
+    uv = uv + rng.normal(0.0, 1.0, uv.shape)
+    rounding = 1e-12 * rng.standard_normal(points.shape)
+    one, other = (estimate_pose(points + d, uv + d[:, :2], K, 3.0, 100) for d in (0.0 * rounding, rounding))
+    assert one is not None and other is not None
+    np.testing.assert_array_equal(one.inlier, other.inlier)
+    np.testing.assert_allclose(one.p_CM, other.p_CM, rtol=0, atol=1e-10)
