@@ -352,6 +352,33 @@ rule figure_reading:
         " --stamps {input.stamps:q} --log {log:q}"
 
 
+rule figure_errors:
+    input:
+        expand("data/covariance/{name}.npz", name=PAPER_SEQUENCES),
+        expand("data/sequences/{name}/truth.npz", name=PAPER_SEQUENCES),
+        stamps=[
+            *expand("data/covariance/{name}.stamp.json", name=PAPER_SEQUENCES),
+            *expand("data/sequences/{name}/stamp.json", name=PAPER_SEQUENCES),
+        ],
+        code=code_of("figure_errors"),
+    output:
+        png=figure_image("fig_errors"),
+        beside=beside_image("fig_errors"),
+    log:
+        "logs/paper/fig_errors.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        covariances=expand("{name}=data/covariance/{name}.npz", name=PAPER_SEQUENCES),
+        truths=expand("{name}=data/sequences/{name}/truth.npz", name=PAPER_SEQUENCES),
+        source=SOURCE_OF_SEQUENCES,
+    message:
+        FIGURES["fig_errors"].title
+    shell:
+        "python -m vigauge_paper.commands.figure_errors --covariances {params.covariances:q} --truths {params.truths:q}"
+        " --source {params.source} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+
+
 rule claims:
     input:
         expand("data/solutions/{name}/solutions.csv", name=EXPERIMENTS),

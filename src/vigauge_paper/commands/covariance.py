@@ -73,6 +73,8 @@ def compare_gauges(
         "p_W_free": free.p_W,
         "p_W_transformed": moved.p_W,
         "p_W_fixed": fix.p_W,
+        "R_WB_fixed": fix.R_WB,
+        "v_W_fixed": fix.v_W,
         "n_keyframes": free.n_keyframes,
         "n_landmarks": free.n_landmarks,
         "n_parameters": free.n_parameters,

@@ -34,5 +34,6 @@ _ALL = (
     Figure("fig11", "fig11_euroc_cost", "Figure 11", "cost"),
     Figure("nees", "nees", "NEES", "nees"),
     Figure("prior_reading", "prior_reading", "What the prior's weight multiplies", "reading"),
+    Figure("fig_errors", "fig_errors_and_sigmas", "Errors against sigmas (not in the paper)", "errors"),
 )
 FIGURES = {figure.key: figure for figure in _ALL}

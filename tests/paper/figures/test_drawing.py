@@ -20,9 +20,10 @@ from support.simulated import TIGHT, estimate, scene, trial
 from vigauge.errors import OutputError
 from vigauge.gauge.gauges import three_gauges
 from vigauge.model.archive import load_arrays, save_arrays, save_states
+from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import solve
 from vigauge.synthetic.landmarks import PLANES
-from vigauge_paper.figures import cost, ellipses, matrices, orbit, prior, scenes, style
+from vigauge_paper.figures import cost, ellipses, errors, matrices, orbit, prior, scenes, style
 from vigauge_paper.figures.chart import Chart
 from vigauge_paper.prior import READINGS
 
@@ -52,7 +53,7 @@ def texts(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     def keep(figure: Figure, stem: object) -> None:
         found.extend(artist.get_text() for artist in figure.findobj(Text))
 
-    for module in (cost, ellipses, matrices, prior):
+    for module in (cost, ellipses, errors, matrices, prior):
         monkeypatch.setattr(module, "save_figure", keep)
     yield found
 
@@ -440,3 +441,28 @@ def test_published_ellipses_have_deviations_and_their_longer_axis() -> None:
     assert found[3]["angle_rad"] == 0.0
     held = ellipses.published_ellipses(file, "fixed")[1][0]
     assert held["semi_major_m"] < 1e-6
+
+
+def test_errors_stand_beside_their_sigmas(tmp_path: Path, texts: list[str]) -> None:
+    """A sigma of another keyframe or quantity, or an error in a gauge that is not the sigma's."""
+    truth = scene("sine", "plane").truth
+    truth = State.start(truth.p_W, truth.R_WB, truth.v_W, np.empty((0, 3)))
+    n = truth.n_keyframes
+    v_W = truth.v_W.copy()
+    v_W[4] += [0.0, 0.3, 0.4]
+    wrong = State.start(truth.p_W, truth.R_WB, v_W, truth.X_W).transformed(0.7, np.array([1.0, 2.0, 3.0]))
+    fixed = np.diag(np.repeat(np.arange(3 * n, dtype=float), 3))
+    arrays = {"withheld": np.array(""), "fixed": fixed}
+    arrays |= {"p_W_fixed": wrong.p_W, "R_WB_fixed": wrong.R_WB, "v_W_fixed": wrong.v_W}
+    save_arrays(tmp_path / "c.npz", arrays)
+    save_arrays(tmp_path / "none.npz", {"withheld": np.array("degenerate: scale")})
+    save_states(tmp_path / "truth.npz", [truth])
+    truths = {"hall": tmp_path / "truth.npz", "room": tmp_path / "truth.npz"}
+    archives = {"hall": tmp_path / "c.npz", "room": tmp_path / "none.npz"}
+    errors.draw_errors(archives, truths, tmp_path / "figure", rendered=True)
+    table = pd.read_csv(tmp_path / "figure.csv").set_index(["quantity", "keyframe"])
+    assert list(table.loc["p"].index) == list(range(1, n))
+    assert table.loc[("v", 4), "error"] == pytest.approx(0.5)
+    assert table.loc[("v", 4), "sigma"] == pytest.approx(np.sqrt(3 * (2 * n + 4)))
+    assert table["error"].drop(("v", 4)).max() < 1e-9
+    assert STAND_IN in texts and "hall" in texts and "room" not in texts
