@@ -24,6 +24,7 @@ include: "workflow/rules/reasons.smk"
 include: "workflow/rules/sensitivity.smk"
 include: "workflow/rules/paper.smk"
 include: "workflow/rules/windows.smk"
+include: "workflow/rules/spread.smk"
 include: "workflow/rules/standing.smk"
 
 

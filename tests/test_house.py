@@ -31,6 +31,7 @@ FLOORS = (
     "vigauge_paper.fetch",
     "vigauge_paper.run",
     "vigauge_paper.tables",
+    "vigauge_paper.spread",
     "vigauge_paper.prior",
     "vigauge_paper.ids",
     "vigauge_paper",

@@ -105,17 +105,17 @@ def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def markdown(rows: Sequence[Mapping[str, object]], note: str = "") -> str:
-    """Rows as a Markdown table, with a note below."""
+def markdown(rows: Sequence[Mapping[str, object]], note: str = "", head: str = "") -> str:
+    """Rows as a Markdown table, with a note below and what must be known first above."""
     names = list(rows[0])
     lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
     lines += [
         "| " + " | ".join(_text(row[name]).replace("|", "\\|") for name in names) + " |" for row in rows
     ]
-    return "\n".join(lines) + "\n" + (f"\n{note}\n" if note else "")
+    return (f"{head}\n\n" if head else "") + "\n".join(lines) + "\n" + (f"\n{note}\n" if note else "")
 
 
-def latex(rows: Sequence[Mapping[str, object]], note: str = "") -> str:
+def latex(rows: Sequence[Mapping[str, object]], note: str = "", head: str = "") -> str:
     """Rows as a LaTeX tabular with booktabs rules; Markdown's bold becomes LaTeX's."""
     names = list(rows[0])
 
@@ -124,9 +124,12 @@ def latex(rows: Sequence[Mapping[str, object]], note: str = "") -> str:
         return " & ".join(_BOLD.sub(r"\\textbf{\1}", cell) for cell in cells) + r" \\"
 
     body = [line([row[name] for name in names]) for row in rows]
-    head = [r"\begin{tabular}{" + "l" * len(names) + "}", r"\toprule", line(names), r"\midrule"]
+    begin = [r"\begin{tabular}{" + "l" * len(names) + "}", r"\toprule", line(names), r"\midrule"]
     foot = [r"\bottomrule", r"\end{tabular}"]
-    return "\n".join(head + body + foot + ([f"% {note}"] if note else [])) + "\n"
+    return (
+        "\n".join(([f"% {head}"] if head else []) + begin + body + foot + ([f"% {note}"] if note else []))
+        + "\n"
+    )
 
 
 def wide_errors(
@@ -157,8 +160,10 @@ def wide_errors(
     return out
 
 
-def write_table(rows: Sequence[Row], stem: Path, shown: Sequence[Row] | None = None, note: str = "") -> None:
+def write_table(
+    rows: Sequence[Row], stem: Path, shown: Sequence[Row] | None = None, note: str = "", head: str = ""
+) -> None:
     """``stem``.csv with the rows; ``stem``.md and ``stem``.tex with what is ``shown`` of them."""
     write_rows(f"{stem}.csv", rows)
-    write_text(f"{stem}.md", markdown(shown or rows, note))
-    write_text(f"{stem}.tex", latex(shown or rows, note))
+    write_text(f"{stem}.md", markdown(shown or rows, note, head))
+    write_text(f"{stem}.tex", latex(shown or rows, note, head))

@@ -93,3 +93,10 @@ def test_markdown_and_latex_escape_what_would_break_them() -> None:
     assert lines[0] == r"\begin{tabular}{lll}"
     assert r"a|b & 0.1235 & \textbf{1 \%} \\" in lines
     assert r"name\_of & value & text \\" in lines
+
+
+def test_what_must_be_known_first_stands_above() -> None:
+    """A caveat below the numbers, or one that LaTeX would set as text outside the table."""
+    rows = [{"a": 1}]
+    assert markdown(rows, "note", "head").startswith("head\n\n| a |")
+    assert latex(rows, "note", "head").splitlines()[:2] == ["% head", r"\begin{tabular}{l}"]

@@ -99,20 +99,27 @@ ENTRIES = {
     name: RECORDED[key if EUROC_ROOT else config["euroc"]["sequences"][key]["stand_in"]]
     for name, key in SEQUENCE_KEYS.items()
 }
-# A window is a sequence: what its entry leaves out is that of the sequence it names.
-WINDOWS = []
-for name, entry in config["windows"][SOURCE_OF_SEQUENCES].items():
-    where = f"configuration, windows.{SOURCE_OF_SEQUENCES}.{name}"
-    if entry["sequence"] not in RECORDED:
-        known = ", ".join(RECORDED)
-        raise WorkflowError(f"{where}.sequence: must be one of {known} (found {entry['sequence']!r})")
-    if name in (*SEQUENCES, *CONFIGURATIONS):
-        raise WorkflowError(f"{where}: must have another name than a sequence or configuration")
-    if not EUROC_ROOT or entry["sequence"] in USED:
-        ENTRIES[name] = copy.deepcopy(RECORDED[entry["sequence"]])
-        update_config(ENTRIES[name], entry)
-        WINDOWS.append(name)
-
+# Windows, and sequences with a harmless change, are sequences: what an entry leaves out is that of
+# the sequence it names.
+OVERLAID = {"windows": [], "spread": []}
+for part, names in OVERLAID.items():
+    for name, entry in config[part][SOURCE_OF_SEQUENCES].items():
+        where = f"configuration, {part}.{SOURCE_OF_SEQUENCES}.{name}"
+        if entry["sequence"] not in RECORDED:
+            known = ", ".join(RECORDED)
+            raise WorkflowError(f"{where}.sequence: must be one of {known} (found {entry['sequence']!r})")
+        if name in (*ENTRIES, *CONFIGURATIONS):
+            raise WorkflowError(f"{where}: must have another name than a sequence or configuration")
+        if not EUROC_ROOT or entry["sequence"] in USED:
+            ENTRIES[name] = copy.deepcopy(RECORDED[entry["sequence"]])
+            update_config(ENTRIES[name], entry)
+            names.append(name)
+WINDOWS = OVERLAID["windows"]
+# Each changed sequence by the one it is a change of, which comes first.
+SPREAD = {
+    name: [name, *(v for v in OVERLAID["spread"] if RECORDED[ENTRIES[v]["sequence"]] is ENTRIES[name])]
+    for name in SEQUENCES
+}
 PAPER_SEQUENCES = [MACHINE_HALL, VICON_ROOM]
 EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
 # Experiments that are timed in one process share a file.
@@ -135,6 +142,8 @@ PUBLISHED_FOLDER = os.path.relpath(ROOT / "data/published")
 # Made by a target of its own; the ledger shows it where it is there.
 SENSITIVITY = "data/sensitivity/summary.csv"
 SENSITIVITY_STAMP = "data/sensitivity/summary.stamp.json"
+SPREAD_TABLE = "data/spread/spread.csv"
+SPREAD_STAMP = "data/spread/spread.stamp.json"
 LEDGER_FILES = [
     "claims.csv",
     "claims.md",
@@ -359,18 +368,18 @@ def paper_targets():
     return [*tables, *figures, *ledger]
 
 
-def sensitivity_flag():
-    """Shows the sensitivity sweep in the ledger where someone has made it.
+def where_made(flag, table, stamp):
+    """Flags that show what is only made when asked for, a sweep or a spread, where someone has made it.
 
-    Not an input: the ledger would then remake a sweep that is only made when asked for.
+    Not an input: whoever shows it would then make it.
     """
-    there = os.path.isfile(SENSITIVITY) and os.path.isfile(SENSITIVITY_STAMP)
-    return f"--sensitivity {SENSITIVITY} --sensitivity-stamp {SENSITIVITY_STAMP}" if there else ""
+    there = os.path.isfile(table) and os.path.isfile(stamp)
+    return f"{flag} {table} {flag}-stamp {stamp}" if there else ""
 
 
-def sensitivity_digest():
-    """Changes with the sweep's summary, so that the ledger is written again."""
-    file = Path(SENSITIVITY)
+def digest_where_made(table):
+    """Changes with the table, so that what shows it is written again."""
+    file = Path(table)
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
 
 

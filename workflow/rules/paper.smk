@@ -86,6 +86,7 @@ rule table3:
     input:
         solutions=expand("data/solutions/{name}/solutions.csv", name=SEQUENCES),
         reports=expand("data/sequences/{name}/report.json", name=SEQUENCES),
+        errors=f"{OUT}/{FIGURES['fig_errors'].stem}.csv",
         published=published("table3"),
         stamps=expand("data/{kind}/{name}/stamp.json", kind=["sequences", "solutions"], name=SEQUENCES),
         code=code_of("tables"),
@@ -103,12 +104,14 @@ rule table3:
         names=[f"{name}={theirs}" for name, theirs in PUBLISHED_NAMES.items()],
         published=PUBLISHED_FLAG,
         source=SOURCE_OF_SEQUENCES,
+        spread=where_made("--spread", SPREAD_TABLE, SPREAD_STAMP),
+        spread_digest=digest_where_made(SPREAD_TABLE),
     message:
         "Table III"
     shell:
         "python -m vigauge_paper.commands.tables --table 3 --solutions {params.named:q} {params.published}"
         " --reports {params.reports:q} --published-names {params.names:q}"
-        " --source {params.source} --output {output.csv:q} --stamps {input.stamps:q} --log {log:q}"
+        " --errors {input.errors:q} {params.spread} --source {params.source} --output {output.csv:q} --stamps {input.stamps:q} --log {log:q}"
 
 
 rule figure_ellipses:
@@ -421,8 +424,8 @@ rule claims:
         criteria=section("claims"),
         reading=config["prior"]["reading"],
         evidence=[f"{name}={file}" for name, file in EVIDENCE.items()],
-        sensitivity=sensitivity_flag(),
-        sensitivity_digest=sensitivity_digest(),
+        sensitivity=where_made("--sensitivity", SENSITIVITY, SENSITIVITY_STAMP),
+        sensitivity_digest=digest_where_made(SENSITIVITY),
     message:
         "Judging the paper's claims"
     shell:

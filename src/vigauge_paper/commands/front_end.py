@@ -10,6 +10,8 @@ import argparse
 import json
 from pathlib import Path
 
+import numpy as np
+
 from vigauge.cli.command import LOG
 from vigauge.errors import VigaugeError
 from vigauge.files import write_json, write_text
@@ -72,9 +74,14 @@ def _build(options: argparse.Namespace, settings: FrontEndSettings) -> None:
     save_states(options.truth_output, [without_steps(truth, steps).states_at(t_ns), truth.states_at(t_ns)])
     save_problems(options.output, [problem])
     details = report.to_mapping()
+    frames_ns = sequence.frames.t_ns + settings.camera_time_offset_ns
+    gaps_s = 1e-9 * np.diff(frames_ns[(frames_ns >= t_ns[0]) & (frames_ns <= t_ns[-1])])
     evaluation = {
         "truth": options.truth.name,
         "biases": options.biases.name,
+        "frames_recorded": len(frames_ns),
+        "frame_gap_median_s": float(np.median(gaps_s)),
+        "frame_gap_max_s": float(gaps_s.max()),
         "truth_steps": None
         if steps is None
         else [{"t_ns": step.t_ns, "shift_m": step.shift_W.tolist()} for step in inside],

@@ -8,9 +8,16 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
+from vigauge.cli.command import LOG
+from vigauge.errors import MixtureError
 from vigauge_paper.ids import STAND_IN
 from vigauge_paper.run.artefacts import add_published, add_published_names, named_file, stem_of
+from vigauge_paper.run.provenance import require_coherent
 from vigauge_paper.run.stage import parser, run
+from vigauge_paper.spread import spread_sentence
 from vigauge_paper.tables import (
     degenerate,
     left_out,
@@ -23,6 +30,10 @@ from vigauge_paper.tables import (
     write_table,
 )
 
+_TRUTHS = {
+    "state_groundtruth_derived0": "published poses as truth, velocities re-derived with the accelerometer",
+    "state_groundtruth_openvins0": "truth re-estimated from Vicon and inertial data, not the published one",
+}
 _BOLD = "Bold: the smaller of fixation and free."
 
 
@@ -45,7 +56,52 @@ def work(options: argparse.Namespace) -> None:
     what = "RMSE in m, deg, m/s" if options.source == "euroc" else f"RMSE in m, deg, m/s; {STAND_IN}"
     counted = left_out(solutions) + degenerate(solutions)
     note = f"{what}. {_BOLD}{beside if names else ''}{counted} {starts(solutions)} {_truths(options.reports)}"
-    write_table(rows, options.output, wide_errors(rows, published if names else None, names), note)
+    if options.spread and _belongs(options):
+        note += f" {spread_sentence(pd.read_csv(options.spread))}"
+    head = f"{_recordings(options.reports)} {_too_small(pd.read_csv(options.errors))}".strip()
+    write_table(rows, options.output, wide_errors(rows, published if names else None, names), note, head)
+
+
+def _belongs(options: argparse.Namespace) -> bool:
+    """Whether the spread, which is only made when asked for, is that of these results."""
+    try:
+        require_coherent([*options.stamps, options.spread_stamp])
+    except MixtureError as error:
+        LOG.warning("spread left out; make 'spread' again: %s", error)
+        return False
+    return True
+
+
+def _recordings(reports: list[tuple[str, Path]]) -> str:
+    """What the data are, from the front-end's reports."""
+    parts = []
+    for name, file in reports:
+        report = json.loads(file.read_text(encoding="utf-8"))
+        gaps = (
+            f"{report['frame_gap_median_s']:.2g} s apart (median; at most {report['frame_gap_max_s']:.2g} s)"
+        )
+        frames = f"{report['frames']} of the {report['frames_recorded']} frames at hand, {gaps}"
+        about = _TRUTHS.get(report["truth"], f"truth {report['truth']}")
+        parts.append(f"{name}: {frames}; {about}")
+    return f"The data. {'. '.join(parts)}."
+
+
+def _too_small(errors: pd.DataFrame) -> str:
+    """How errors compare with the sigmas that the covariance predicts; empty where it was withheld."""
+    if "sigma" not in errors:
+        return ""
+    squared = errors.assign(squared=(errors["error"] / errors["sigma"]) ** 2)
+    ratios = np.sqrt(squared.groupby(["quantity", "sequence"], sort=False)["squared"].mean())
+    words = "; ".join(
+        f"{quantity} {', '.join(f'{ratio:.2g}' for ratio in part)}"
+        for quantity, part in ratios.groupby("quantity", sort=False)
+    )
+    names = ", ".join(errors["sequence"].unique())
+    small = "are several times too small; they" if ratios.min() > 2.0 else ""
+    return (
+        f"At the published noise the predicted sigmas {small}have an rms of error over sigma, keyframe by "
+        f"keyframe in the fixed gauge ({names}): {words} (fig_errors)."
+    )
 
 
 def _truths(reports: list[tuple[str, Path]]) -> str:
@@ -76,6 +132,9 @@ def main() -> None:
     arguments.add_argument(
         "--source", choices=("euroc", "rendered"), help="Table III: where the sequences are from"
     )
+    arguments.add_argument("--errors", type=Path, help="Table III: errors and sigmas of the keyframes")
+    arguments.add_argument("--spread", type=Path, help="Table III: spread over changes, if there is one")
+    arguments.add_argument("--spread-stamp", type=Path, help="stamp of that spread")
     arguments.add_argument(
         "--output", type=stem_of, required=True, help="the CSV; Markdown and LaTeX go beside it"
     )

@@ -167,7 +167,9 @@ class DescriptorMatcher:
             return self._along_lines(first, second, pairs)
         known = first.has_depth[pairs[:, 0]]
         points, uv = first.points_C[pairs[:, 0]], second.uv[pairs[:, 1]]
-        pose = estimate_pose(points[known], uv[known], K, self.pose.reprojection_px, self.pose.rounds)
+        pose = estimate_pose(
+            points[known], uv[known], K, self.pose.reprojection_px, self.pose.rounds, self.pose.seed
+        )
         if pose is None or pose.n_inliers < self.settings.pair_inliers:
             self.counts.pairs_refused += 1
             self.counts.lost["pair refused"] += len(pairs)

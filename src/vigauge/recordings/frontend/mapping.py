@@ -184,7 +184,7 @@ def _pose_against(
     known = np.isfinite(points[track, 0])
     track, uv = track[known], uv[known]
     K = cameras[LEFT].K
-    return _Attempt(estimate_pose(points[track], uv, K, pose.reprojection_px, pose.rounds), track)
+    return _Attempt(estimate_pose(points[track], uv, K, pose.reprojection_px, pose.rounds, pose.seed), track)
 
 
 def _body_pose(pose: CameraPose, camera: Camera) -> tuple[Array, Array]:

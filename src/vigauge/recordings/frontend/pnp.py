@@ -44,21 +44,23 @@ def reprojection_error(K: Array, R_CM: Array, p_CM: Array, points_M: Array, uv: 
 
 
 def estimate_pose(
-    points_M: Array, uv: Array, K: Array, reprojection_px: float, rounds: int
+    points_M: Array, uv: Array, K: Array, reprojection_px: float, rounds: int, seed: int = 0
 ) -> CameraPose | None:
     """Pose from points (m, 3) m and their ideal pixels (m, 2); None where too few points agree.
 
     RANSAC over minimal sets, then least squares over the inliers, which are chosen anew
-    after each refinement.
+    after each refinement. A ``seed`` other than 0 shuffles the points for RANSAC, which draws the same
+    numbers in every call.
     """
     if len(points_M) < _LEAST_POINTS:
         return None
     cv2.setRNGSeed(_SEED)
     points = np.ascontiguousarray(points_M, dtype=np.float64)
     pixels = np.ascontiguousarray(uv, dtype=np.float64)
+    order = np.random.default_rng(seed).permutation(len(points)) if seed else slice(None)
     found, rotation, translation, _ = cv2.solvePnPRansac(
-        points,
-        pixels,
+        points[order],
+        pixels[order],
         K,
         None,
         iterationsCount=rounds,

@@ -103,6 +103,7 @@ class PoseSettings:
 
     reprojection_px: float = _real("px", "largest reprojection error of an inlier", 0.1, 50.0, 2.5)
     rounds: int = _count("rounds", "RANSAC rounds", 10, 100_000, 300)
+    seed: int = _count("1", "order in which RANSAC meets the points; 0: as they are", 0, 2**31 - 1, 0)
     inliers: int = _count("points", "least inliers of a keyframe", 5, 10_000, 20)
     sure_inliers: int = _count(
         "points", "inliers that need no more keyframes; with fewer, the map grows", 5, 10_000, 60

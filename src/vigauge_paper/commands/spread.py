@@ -1,0 +1,34 @@
+"""Median and range of the results over harmless changes of the front-end."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import pandas as pd
+
+from vigauge.files import write_rows
+from vigauge_paper.run.stage import Stamped, json_argument, parser, run
+from vigauge_paper.spread import spread_rows
+
+
+def work(options: argparse.Namespace) -> None:
+    rows = []
+    for sequence, names in options.changes.items():
+        tables = [pd.read_csv(options.solutions / name / "solutions.csv") for name in names]
+        rows += spread_rows(sequence, tables)
+    write_rows(options.output, rows)
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument(
+        "--changes", type=json_argument, required=True, help="names of each sequence's changed forms"
+    )
+    arguments.add_argument("--solutions", type=Path, required=True, help="folder with a folder each")
+    arguments.add_argument("--output", type=Path, required=True, help="output: CSV")
+    run(work, arguments, Stamped({}, outputs=("output",)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""By how much results on a sequence move under harmless changes of the front-end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from .ids import ERRORS, FIX, FREE, GAUGES, HEADLINE
+
+Row = dict[str, object]
+
+_UNITS = {"p_rmse_m": ("p", 1e3, "mm"), "phi_rmse_deg": ("phi", 1.0, "deg"), "v_rmse_mps": ("v", 1e3, "mm/s")}
+QUANTITIES = (*ERRORS, *(f"start_{error}" for error in ERRORS), "iterations")
+
+
+def spread_rows(sequence: str, solutions: Sequence[pd.DataFrame]) -> list[Row]:
+    """A row a gauge and quantity: median, least and greatest over the changed forms of a sequence.
+
+    ``solutions`` as solve writes them, one a form. ``gauge_difference`` is the greatest
+    |ratio to fixation - 1| within one form. Runs that did not converge are not among the ``runs``.
+    """
+    table = pd.concat(list(solutions), keys=range(len(solutions)), names=["form", None]).reset_index("form")
+    table = table[(table["noise"] == HEADLINE) & table["converged"]]
+    fixed = table[table["gauge"] == FIX].set_index("form")
+    rows: list[Row] = []
+    for gauge in GAUGES:
+        mine = table[table["gauge"] == gauge].set_index("form")
+        for quantity in QUANTITIES:
+            values = mine[quantity]
+            rows.append(
+                {
+                    "sequence": sequence,
+                    "gauge": gauge,
+                    "quantity": quantity,
+                    "runs": len(values),
+                    "median": float(values.median()),
+                    "least": float(values.min()),
+                    "greatest": float(values.max()),
+                    "gauge_difference": float((values / fixed[quantity] - 1.0).abs().max()),
+                }
+            )
+    return rows
+
+
+def spread_sentence(table: pd.DataFrame) -> str:
+    """The note of Table III: median and range of errors, starts, iterations; and what the gauge changes."""
+    parts = []
+    for sequence in table["sequence"].unique():
+        mine = table[table["sequence"] == sequence].set_index(["gauge", "quantity"])
+        errors = [_range(mine.loc[(FIX, error)], *_UNITS[error]) for error in ERRORS]
+        starts = _range(mine.loc[(FIX, "start_p_rmse_m")], "start p", 1e3, "mm")
+        counts = [_range(mine.loc[(gauge, "iterations")], f"{gauge} iterations") for gauge in (FIX, FREE)]
+        runs = int(mine["runs"].min())
+        parts.append(f"{sequence} ({runs} runs): {', '.join([*errors, starts, *counts])}")
+    optimum = table[table["quantity"].isin(ERRORS) & (table["gauge"] == FREE)]
+    gauge = optimum["gauge_difference"].max()
+    width = ((optimum["greatest"] - optimum["least"]) / optimum["median"]).min()
+    below = "far below that spread" if gauge < 0.1 * width else "not far below that spread"
+    return (
+        f"Over harmless changes of the front-end, median (range): {'; '.join(parts)}. "
+        f"The difference between free and fixation, at most {100 * gauge:.2g} %, is {below}, "
+        f"at least {100 * width:.2g} %."
+    )
+
+
+def _range(row: pd.Series, name: str, scale: float = 1.0, unit: str = "") -> str:
+    low, middle, high = (f"{float(f'{scale * row[key]:.2g}'):g}" for key in ("least", "median", "greatest"))
+    return f"{name} {middle} ({low} to {high}){' ' * bool(unit)}{unit}"

@@ -1,0 +1,41 @@
+"""Spread over changes of the front-end: what is in it, and what the note may say of it."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from support.results import solutions
+from vigauge_paper.spread import spread_rows, spread_sentence
+
+
+def form(scale: float, free: float = 1.0) -> pd.DataFrame:
+    """Results of one form: errors times ``scale``, and those of the free gauge times ``free``."""
+    table = solutions("arc_plane", 1)
+    for error in ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps"):
+        values = {"fix": 0.01, "free": 0.01 * free, "prior": 0.01}
+        table[error] = scale * table["gauge"].map(values)
+        table[f"start_{error}"] = 2.0 * scale * 0.01
+    return table
+
+
+def test_median_and_range_are_over_the_forms_of_the_headline_noise() -> None:
+    """A form that failed, or another noise model, in the range; a difference between gauges across forms."""
+    failed = form(50.0).assign(converged=False)
+    other = form(70.0).assign(noise="consistent")
+    forms = [form(1.0), form(3.0, 1.01), pd.concat([form(2.0), other]), failed]
+    rows = {(row["gauge"], row["quantity"]): row for row in spread_rows("hall", forms)}
+    free = rows["free", "p_rmse_m"]
+    assert free["runs"] == 3
+    assert [free[key] for key in ("least", "median", "greatest")] == pytest.approx([0.01, 0.02, 0.0303])
+    assert free["gauge_difference"] == pytest.approx(0.01)
+    assert rows["prior", "p_rmse_m"]["gauge_difference"] == 0.0
+    assert rows["fix", "start_v_rmse_mps"]["greatest"] == pytest.approx(0.06)
+
+
+@pytest.mark.parametrize(("free", "words"), [(1.0003, "is far below"), (1.5, "is not far below")])
+def test_the_note_says_whether_gauges_differ_by_less_than_changes(free: float, words: str) -> None:
+    """A sentence that stands whatever was measured."""
+    text = spread_sentence(pd.DataFrame(spread_rows("hall", [form(1.0, free), form(1.2), form(1.1)])))
+    assert words in text
+    assert "p 11 (10 to 12) mm" in text and "fix iterations 6 (6 to 6)" in text
