@@ -52,7 +52,14 @@ def test_ranges_list_the_values_by_verdict() -> None:
         }
     )
     assert ranges(table) == [
-        {"id": "rank", "parameter": "sigma_px", "holds": "0.5, 1", "differs": "2", "not resolvable": "-", "not tested": "-"}
+        {
+            "id": "rank",
+            "parameter": "sigma_px",
+            "holds": "0.5, 1",
+            "differs": "2",
+            "not resolvable": "-",
+            "not tested": "-",
+        }
     ]
 
 

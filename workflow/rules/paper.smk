@@ -498,8 +498,8 @@ rule comparison:
             f"{name}={PUBLISHED_NAMES[name]}"
             for name in (PAPER_SEQUENCES if SEQUENCES_ARE_PUBLISHED else [])
         ],
-        sensitivity=sensitivity_flag(),
-        sensitivity_digest=sensitivity_digest(),
+        sensitivity=where_made("--sensitivity", SENSITIVITY, SENSITIVITY_STAMP),
+        sensitivity_digest=digest_where_made(SENSITIVITY),
     message:
         "Published numbers and ours, with ranges and ratios"
     shell:
