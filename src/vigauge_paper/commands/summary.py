@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from vigauge.files import write_text
+from vigauge_paper.figures.registry import FIGURES
 from vigauge_paper.ids import ERRORS, FIX, FREE, STAND_IN
 from vigauge_paper.run.artefacts import add_published_names
 from vigauge_paper.run.stage import parser, run
 from vigauge_paper.tables import markdown
 
 Row = dict[str, object]
+FIG07, FIG11 = (FIGURES[key].stem for key in ("fig07", "fig11"))
 
 
 def _pair(theirs: Any, case: str | None, gauge: str, ours: float) -> str:
@@ -23,20 +26,25 @@ def _pair(theirs: Any, case: str | None, gauge: str, ours: float) -> str:
     return f"{published} / {ours:.4g}"
 
 
+def _by_case(file: Path) -> Any:
+    """A table by its first column, the case, and the gauge."""
+    table = pd.read_csv(file)
+    return table.set_index([table.columns[0], "gauge"])
+
+
 def _rows(
-    table: Path, cost: Path, published_table: Path, published_cost: Path, names: dict[str, str | None]
+    figures: Path, published: Path, table: str, cost: str, names: Mapping[str, str | None]
 ) -> list[Row]:
     """One row a case and gauge: paper / ours for errors and median iterations.
 
-    ``names`` maps a case to the paper's, or to None where the paper has no such case.
+    ``table`` and ``cost`` name files of both folders. ``names`` maps a case to the paper's, or to None
+    where the paper has no such case.
     """
-    ours = pd.read_csv(table)
-    ours = ours.set_index([ours.columns[0], "gauge"])
-    counts = pd.read_csv(cost).query("quantity == 'iterations'").set_index(["experiment", "gauge"])["median"]
-    theirs = pd.read_csv(published_table)
-    theirs = theirs.set_index([theirs.columns[0], "gauge"])
-    their_counts = pd.read_csv(published_cost).query("quantity == 'iterations'")
-    their_counts = their_counts.set_index([their_counts.columns[0], "gauge"])["median"]
+    ours, theirs = (_by_case(folder / f"{table}.csv") for folder in (figures, published))
+    counts, their_counts = (
+        _by_case(folder / f"{cost}.csv").query("quantity == 'iterations'")["median"]
+        for folder in (figures, published)
+    )
     rows = []
     for case, their_case in names.items():
         for gauge in (FIX, FREE):
@@ -57,25 +65,12 @@ def _marked(table: str) -> str:
 
 def work(options: argparse.Namespace) -> None:
     figures, published = options.artefacts, options.published
-    simulation = list(dict.fromkeys(pd.read_csv(figures / "table2.csv")["configuration"]))
-    sequences = list(dict.fromkeys(pd.read_csv(figures / "fig11_euroc_cost.csv")["experiment"]))
     theirs = dict(options.published_names)
-    parts = [
-        _rows(
-            figures / "table2.csv",
-            figures / "fig07_simulation_cost.csv",
-            published / "table2.csv",
-            published / "fig07_simulation_cost.csv",
-            {name: name for name in simulation},
-        ),
-        _rows(
-            figures / "table3.csv",
-            figures / "fig11_euroc_cost.csv",
-            published / "table3.csv",
-            published / "fig11_euroc_cost.csv",
-            {name: theirs.get(name) for name in sequences},
-        ),
-    ]
+    table2, fig11 = (pd.read_csv(figures / f"{name}.csv") for name in ("table2", FIG11))
+    simulation = {name: name for name in table2["configuration"]}
+    sequences = {name: theirs.get(name) for name in fig11["experiment"]}
+    rows = _rows(figures, published, "table2", FIG07, simulation)
+    rows += _rows(figures, published, "table3", FIG11, sequences)
     claims = pd.read_csv(figures / "claims.csv")
     count = claims["verdict"].value_counts()
     verdicts = ", ".join(f"{count.get(name, 0)} {name}" for name in ("holds", "differs", "not tested"))
@@ -89,7 +84,7 @@ def work(options: argparse.Namespace) -> None:
     note += "\n\nSequences: " + (figures / "table3.md").read_text(encoding="utf-8").strip().splitlines()[-1]
     # What was measured is long for some; claims.md has it.
     short = claims[["claim", "section", "published", "verdict"]].to_dict("records")
-    text = markdown(parts[0] + parts[1], note) + f"\nClaims: {verdicts}.\n\n" + markdown(short)
+    text = markdown(rows, note) + f"\nClaims: {verdicts}.\n\n" + markdown(short)
     write_text(options.output, text)
 
 
