@@ -20,12 +20,13 @@ BIN := $(VENV)/bin
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 SET_UP := $(VENV)/.installed
 
-.PHONY: help setup paper recovery test fuzz bench bench-paper lint format lock clean distclean
+.PHONY: help setup paper check-results recovery test fuzz bench bench-paper lint format lock clean distclean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make paper      set up, then every table and figure into paper_figures/ (CORES=$(CORES));"
 	@echo "                after a kill or a crash, the same again takes up where it was"
+	@echo "make check-results  say whether paper_figures/ matches the expected values, data/expected.csv"
 	@echo "make recovery   kill the pipeline at random moments, start it again, compare (docs/recovery.csv)"
 	@echo "make test       set up, check as 'make lint' does, then run the tests"
 	@echo "make fuzz       feed every reader $(INPUTS) malformed files; the record goes to docs/fuzzing.csv"
@@ -65,6 +66,9 @@ $(SET_UP): $(VENV)/.locked pyproject.toml
 
 paper: $(SET_UP)
 	$(RUN) python -m vigauge_paper.commands.resume --cores $(CORES)
+
+check-results: $(SET_UP)
+	$(RUN) python -m vigauge_paper.commands.check_results
 
 # Minutes for the smoke configuration, an hour or more for the full one.
 recovery: $(SET_UP)
