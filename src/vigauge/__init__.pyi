@@ -4,8 +4,11 @@ from .covariance.covariance import Covariance as Covariance
 from .covariance.covariance import keyframe_covariances as keyframe_covariances
 from .covariance.covariance import landmark_covariances as landmark_covariances
 from .covariance.covariance import motion_covariance as motion_covariance
+from .covariance.estimate import EstimateCovariance as EstimateCovariance
 from .covariance.foreign import covariance_from_hessian as covariance_from_hessian
 from .covariance.projection import project_covariance as project_covariance
+from .covariance.relative import MahalanobisTest as MahalanobisTest
+from .covariance.relative import RelativePose as RelativePose
 from .covariance.transform import transform_covariance as transform_covariance
 from .errors import DataError as DataError
 from .errors import DegenerateError as DegenerateError
@@ -25,7 +28,14 @@ from .gauge.group import Group as Group
 from .gauge.group import Similarity as Similarity
 from .gauge.group import YawTranslation as YawTranslation
 from .gauge.group import orbit_tangent as orbit_tangent
+from .gauge.layout import Layout as Layout
+from .gauge.layout import null_space as null_space
+from .gauge.normals import Distance as Distance
+from .gauge.normals import MeanDepth as MeanDepth
+from .gauge.normals import gauge_normal as gauge_normal
+from .gauge.normals import normal_from as normal_from
 from .geometry.camera import Camera as Camera
+from .geometry.charts import as_convention as as_convention
 from .model.archive import load_problems as load_problems
 from .model.archive import save_problems as save_problems
 from .model.evaluation import TrajectoryErrors as TrajectoryErrors

@@ -122,6 +122,38 @@ def symmetric(what: str, value: object, n: int | str = "n") -> Array:
     return matrix
 
 
+def sparse_reals(what: str, value: Any, shape: tuple[int | str, int]) -> Any:
+    """``value``, dense or of scipy.sparse, as float64 in compressed columns; DataError as :func:`reals`."""
+    import scipy.sparse  # seldom needed, and slow to import
+
+    if not scipy.sparse.issparse(value):
+        return scipy.sparse.csc_array(reals(what, value, shape, matrix=True))
+    _require_shape(what, value, shape, None)
+    matrix = scipy.sparse.csc_array(value)
+    matrix.sum_duplicates()
+    matrix.data = reals(what, matrix.data, ("nnz",), field="data", matrix=True)
+    return matrix
+
+
+def sparse_symmetric(what: str, value: Any, n: int) -> Any:
+    """``value`` of scipy.sparse as :func:`symmetric` takes a dense one, in compressed columns."""
+    matrix = sparse_reals(what, value, (n, n))
+    diagonal = matrix.diagonal()
+    if diagonal.min(initial=0.0) < 0.0:
+        row = int(np.argmin(diagonal))
+        rule = "must have a diagonal without negative entries"
+        raise DataError(what, rule, row=row, value=float(diagonal[row]))
+    size = np.sqrt(np.maximum(diagonal, _HELD * float(diagonal.max(initial=0.0))))
+    difference = (matrix - matrix.T).tocoo()
+    excess = np.abs(difference.data) - _ASYMMETRY * size[difference.row] * size[difference.col]
+    if excess.max(initial=0.0) > 0.0:
+        at = int(np.argmax(excess))
+        rule = "must be symmetric, with both triangles; give (L + L.T - diagonal) of one triangle L"
+        where = int(difference.row[at]), int(difference.col[at])
+        raise _misplaced(what, rule, where, None, difference.data[at])
+    return matrix
+
+
 def require_rotations(what: str, R: Array, *, field: str | None = None) -> None:
     """DataError where one of (M, 3, 3) finite matrices is no rotation, good to 1e-6."""
     # Entries outside [-2, 2] are no rotation's, and their products may overflow.

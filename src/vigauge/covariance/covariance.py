@@ -33,6 +33,7 @@ from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
 from ..sparsity.layout import Index
 from .foreign import generalised_inverse
 from .held_inverse import HeldInverse
+from .information import from_hessian, from_jacobian, from_schur
 from .projection import along_orbit, low_rank_projection
 
 # Entries of G that are gathered at a time: two megabytes.
@@ -92,6 +93,11 @@ class Covariance:
         names = tuple(name for name, seen in zip(group.directions, measured, strict=True) if seen)
         U = tangent @ open_directions(along) if names else tangent
         return cls(equations, state, problem.initial, U, names, group)
+
+    # Of anyone's estimate: from its information matrix, its Jacobian, or its Schur complement.
+    from_hessian = staticmethod(from_hessian)
+    from_jacobian = staticmethod(from_jacobian)
+    from_schur = staticmethod(from_schur)
 
     @cached_property
     def reduced(self) -> ReducedSystem:

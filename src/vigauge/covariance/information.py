@@ -1,0 +1,345 @@
+"""From what a solver has (H, J, a Schur complement) to one generalised inverse and the open directions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.linalg.lapack as lapack
+import scipy.sparse as sparse
+
+from ..arrays import reals, sparse_reals, sparse_symmetric, symmetric
+from ..errors import DataError, DegenerateError, IndefiniteError
+from ..gauge.group import Group, YawTranslation
+from ..gauge.layout import Index, Layout, null_space
+from ..geometry.charts import poses_of
+from ..geometry.so3 import Array
+from ..sparsity.rounding import rounding
+from .estimate import EstimateCovariance
+from .foreign import generalised_inverse
+from .inverses import BandInverse, DenseInverse, Inverse, Scaled, SchurInverse, band_order, largest_of_inverse
+from .projection import independent_columns
+from .sparse_inverse import SparseInverse
+
+# Largest relative error of a covariance that may come from poses that are good to a few digits only.
+_HARMLESS = 1e-3
+# Below, a matrix is inverted dense: never slower (measured).
+_SMALL = 400
+# Work of a band, n (half bandwidth)^2, up to which it is quicker than a general sparse factor (measured).
+_BAND_WORK = 3e9
+# Share of a direction's square that makes it one of the group's own.
+_OWN = 1.0 - 1e-6
+
+
+def from_hessian(
+    H: Any,
+    layout: Layout,
+    poses: object,
+    velocities: Array | None = None,
+    points: Array | None = None,
+    *,
+    group: Group | None = None,
+    gravity: object = None,
+    vectors: Mapping[str, Array] | None = None,
+) -> EstimateCovariance:
+    """The covariance of an estimate from any solver's information matrix, dense or sparse.
+
+    H is J^T J of whitened residuals at the estimate, with the weights of a robust loss if there is one
+    of the cost 1/2 ||r||^2, without damping. Directions of the group that H has information along
+    (absolute measurements, the prior of a marginalisation) are found; with none left the covariance is the
+    plain inverse, whatever the gauge.
+
+    Parameters
+    ----------
+    H : (n, n) array or scipy.sparse matrix, both triangles
+    layout : what its columns stand for
+    poses, velocities, points, group, gravity, vectors : the estimate, as :func:`vigauge.null_space` takes it
+
+    Raises
+    ------
+    DataError
+        for shapes, numbers that are not finite, an H that is not symmetric or has a zero on the diagonal, and
+        for poses that are not those at which H was made
+    IndefiniteError
+        where H has a negative eigenvalue
+    DegenerateError
+        where more than the group is unobservable
+    """
+    large = sparse.issparse(H) and H.shape[0] > _SMALL
+    H = sparse_symmetric("H", H, layout.n) if large else symmetric("H", H, layout.n)
+    estimate = _Estimate(layout, poses, velocities, points, group, gravity, vectors)
+    return estimate.covariance(*(_sparse if large else _dense)(H, estimate))
+
+
+def from_jacobian(
+    J: Any,
+    layout: Layout,
+    poses: object,
+    velocities: Array | None = None,
+    points: Array | None = None,
+    *,
+    group: Group | None = None,
+    gravity: object = None,
+    vectors: Mapping[str, Array] | None = None,
+) -> EstimateCovariance:
+    """As :meth:`from_hessian`, from the whitened Jacobian (m, n) of the residuals.
+
+    A dense J is never squared: its QR factor keeps the digits that J^T J loses. A large sparse J is
+    squared, and refused where the digits are then gone.
+    """
+    estimate = _Estimate(layout, poses, velocities, points, group, gravity, vectors)
+    if sparse.issparse(J) and J.shape[1] > _SMALL:
+        J = sparse_reals("J", J, ("m", layout.n))
+        H = (J.T @ J).tocsc()
+        return estimate.covariance(*_sparse(H, estimate))
+    return estimate.covariance(*_orthogonal(reals("J", J, ("m", layout.n), matrix=True), estimate))
+
+
+def from_schur(
+    S: Any,
+    layout: Layout,
+    poses: object,
+    velocities: Array | None = None,
+    *,
+    points: Array | None = None,
+    coupling: Any = None,
+    information: Array | None = None,
+    group: Group | None = None,
+    gravity: object = None,
+    vectors: Mapping[str, Array] | None = None,
+) -> EstimateCovariance:
+    """As :meth:`from_hessian`, from a Schur complement S = A - B C^-1 B^T, points eliminated.
+
+    Gauges that constrain poses need S alone. The free gauge of the whole, and landmarks, need the rest.
+
+    Parameters
+    ----------
+    S : (n, n) array or scipy.sparse matrix
+    layout : what the columns of S stand for; the points are columns n, n + 1, ... of the answer
+    points : (K, 3) eliminated landmarks in W
+    coupling : (n, 3K) B, array or scipy.sparse matrix
+    information : (K, 3, 3) blocks of C
+    """
+    large = sparse.issparse(S) and S.shape[0] > _SMALL
+    S = sparse_symmetric("S", S, layout.n) if large else symmetric("S", S, layout.n)
+    if layout.n_points:
+        raise DataError("layout", "must be that of S, in which points are eliminated", value=layout.n_points)
+    given = [value is not None for value in (points, coupling, information)]
+    if any(given) and not all(given):
+        raise DataError("points", "must come with coupling and information, or none of the three")
+    estimate = _Estimate(layout, poses, velocities, None, group, gravity, vectors)
+    found = estimate.covariance(*(_sparse if large else _dense)(S, estimate))
+    if not all(given):
+        return replace(found, whole=not found.U.shape[1])
+    X = reals("points", points, ("K", 3))
+    whole = layout.with_points(len(X))
+    B = sparse_reals("coupling", coupling, (layout.n, 3 * len(X)))
+    C = reals("information", information, (len(X), 3, 3), matrix=True)
+    try:
+        np.linalg.cholesky(C)
+    except np.linalg.LinAlgError as error:
+        raise DataError("information", "blocks must be positive definite") from error
+    C_inverse = np.linalg.inv(C)
+    index = np.arange(len(X))
+    Y = (sparse.bsr_matrix((C_inverse, index, np.arange(len(X) + 1))) @ B.T).tocsr()
+    tangent = null_space(whole, poses, velocities, X, group=group, gravity=gravity, vectors=vectors)
+    coordinates = np.linalg.lstsq(found.tangent, found.U, rcond=None)[0]
+    return replace(
+        found,
+        layout=whole,
+        points=X,
+        inverse=SchurInverse(found.inverse, Y, C_inverse),
+        tangent=tangent,
+        U=tangent @ coordinates,
+        log_det_held=found.log_det_held + float(np.sum(np.linalg.slogdet(C)[1])),
+    )
+
+
+class _Estimate:
+    """The arguments that all three share, checked."""
+
+    def __init__(
+        self,
+        layout: Layout,
+        poses: object,
+        velocities: Array | None,
+        points: Array | None,
+        group: Group | None,
+        gravity: object,
+        vectors: Mapping[str, Array] | None,
+    ) -> None:
+        self.layout, self.points, self.gravity = layout, points, gravity
+        self.group = YawTranslation() if group is None else group
+        self.R, self.p = poses_of(poses, layout.n_keyframes)
+        tangent = null_space(
+            layout, (self.R, self.p), velocities, points, group=self.group, gravity=gravity, vectors=vectors
+        )
+        # In the plane a shift along z moves nothing.
+        moves = np.any(tangent != 0.0, axis=0)
+        self.tangent = tangent[:, moves]
+        self.names = [name for name, some in zip(self.group.directions, moves, strict=True) if some]
+
+    def split(self, A: Any, scale: Array, *, jacobian: bool = False) -> tuple[Array, tuple[str, ...]]:
+        """Open directions, scaled and orthonormal (n, k), and the names of the group's that are measured.
+
+        A is H of unit diagonal, or a Jacobian whose square it is: what it has along a direction is zero
+        where it is rounding. A Jacobian's is small enough to show what digits the poses lack.
+        """
+        T = self.tangent / scale[:, None]
+        N = independent_columns("poses", T)
+        T = T / np.linalg.norm(T, axis=0)
+        least = rounding(len(T))
+        if jacobian:
+            extent = float(np.std(self.p - self.p.mean(axis=0))) or 1.0
+            least *= max(1.0, float(np.abs(self.p).max()) / extent)
+            _, values, vectors = np.linalg.svd(A @ N, full_matrices=False)
+            vectors, along = vectors.T, np.linalg.norm(A @ T, axis=0)
+        else:
+            values, vectors = np.linalg.eigh(N.T @ (A @ N))
+            along = np.einsum("ij,ij->j", T, A @ T)
+            if np.any(values < -least):
+                raise IndefiniteError(
+                    f"H is not positive semidefinite: {values[0]:.0e} of its diagonal along the gauge"
+                )
+        opened = N @ vectors[:, values <= least]
+        return opened, tuple(name for name, some in zip(self.names, along, strict=True) if some > least)
+
+    def covariance(
+        self, inverse: Inverse, U: Array, measured: tuple[str, ...], log_det: float, held: Index
+    ) -> EstimateCovariance:
+        return EstimateCovariance(
+            layout=self.layout,
+            R=self.R,
+            p=self.p,
+            points=self.points,
+            group=self.group,
+            gravity=self.gravity,
+            inverse=inverse,
+            tangent=self.tangent,
+            U=U,
+            measured=measured,
+            open=self._named(U),
+            log_det_held=log_det,
+            held=held,
+        )
+
+    def _named(self, U: Array) -> tuple[str, ...]:
+        """Names of the open directions; combinations of the rest where the group's own are mixed."""
+        length = np.linalg.norm(self.tangent, axis=0)
+        C, _ = np.linalg.qr(np.linalg.lstsq(self.tangent / length, U, rcond=None)[0])
+        share = np.sum(C**2, axis=1)
+        own = [name for name, part in zip(self.names, share, strict=True) if part > _OWN]
+        mixed = [name for name, part in zip(self.names, share, strict=True) if 1.0 - _OWN < part <= _OWN]
+        combinations = [f"combination of {', '.join(mixed)}"] * (U.shape[1] - len(own))
+        return (*own, *combinations)
+
+    def refusal(self, error: DegenerateError, measured: tuple[str, ...]) -> DegenerateError:
+        """A singular H: what of the group was found measured is the first suspect."""
+        if not measured:
+            return error
+        return DegenerateError(
+            f"{error}. H has some information along {', '.join(measured)}: where nothing absolute was"
+            " measured, the poses are not those at which H was made, or lost digits"
+        )
+
+
+_Found = tuple[Inverse, Array, tuple[str, ...], float, Index]
+
+
+def _held(N: Array) -> Index:
+    """Rows of N (n, k) that are far from dependent: holding them stops every open direction."""
+    if not N.shape[1]:
+        return np.empty(0, dtype=np.int64)
+    _, _, pivots = scipy.linalg.qr(N.T, mode="economic", pivoting=True)
+    return np.sort(pivots[: N.shape[1]]).astype(np.int64)
+
+
+def _scale(diagonal: Array) -> Array:
+    if not np.all(diagonal > 0.0):
+        row = int(np.argmin(diagonal))
+        rule = "diagonal must be positive: nothing measures this parameter, take its row and column out"
+        raise DataError("H", rule, row=row, value=float(diagonal[row]))
+    return 1.0 / np.sqrt(diagonal)
+
+
+def _dense(H: Array, estimate: _Estimate) -> _Found:
+    scale = _scale(np.diagonal(H))
+    A = H * scale[:, None] * scale
+    N, measured = estimate.split(A, scale)
+    try:
+        G, N = generalised_inverse(A, N)
+    except IndefiniteError:
+        raise
+    except DegenerateError as error:
+        raise estimate.refusal(error, measured) from error
+    held = _held(N)
+    half = np.linalg.cholesky(A + N @ N.T)
+    log_det = 2.0 * float(np.sum(np.log(np.diagonal(half)))) + 2.0 * np.linalg.slogdet(N[held])[1]
+    log_det -= 2.0 * float(np.sum(np.log(np.delete(scale, held))))
+    return Scaled(DenseInverse(G), scale), N * scale[:, None], measured, log_det, held
+
+
+def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
+    """From a dense Jacobian, by its QR factor with columns held."""
+    scale = _scale(np.einsum("ij,ij->j", J, J))
+    A = J * scale
+    n = A.shape[1]
+    N, measured = estimate.split(A, scale, jacobian=True)
+    held = _held(N)
+    keep = np.setdiff1d(np.arange(n), held)
+    R = np.asarray(np.linalg.qr(A[:, keep], mode="r"))
+    inverse, info = lapack.dtrtri(R) if len(R) == len(keep) else (R, 1)
+    size = float(np.linalg.norm(inverse)) if not info else np.inf
+    if not size * rounding(n) <= 1.0:
+        error = DegenerateError("more is unobservable than the gauge: the Jacobian has too small a rank")
+        raise estimate.refusal(error, measured)
+    if float(np.linalg.norm(A @ N)) * size > _HARMLESS:
+        raise _other_poses(float(np.linalg.norm(A @ N)))
+    G = np.zeros((n, n))
+    G[np.ix_(keep, keep)] = inverse @ inverse.T
+    log_det = 2.0 * float(np.sum(np.log(np.abs(np.diagonal(R)))) - np.sum(np.log(scale[keep])))
+    return Scaled(DenseInverse(G), scale), N * scale[:, None], measured, log_det, held
+
+
+def _sparse(H: Any, estimate: _Estimate) -> _Found:
+    scale = _scale(H.diagonal())
+    A = (sparse.diags_array(scale) @ H @ sparse.diags_array(scale)).tocsc()
+    N, measured = estimate.split(A, scale)
+    held = _held(N)
+    try:
+        inverse, size = _factorised(A, estimate.layout.nodes, held)
+    except IndefiniteError:
+        raise
+    except DegenerateError as error:
+        raise estimate.refusal(error, measured) from error
+    leak = float(np.linalg.norm(A @ N))
+    if leak * size > _HARMLESS:
+        raise _other_poses(leak)
+    log_det = inverse.log_det - 2.0 * float(np.sum(np.log(np.delete(scale, held))))
+    return Scaled(inverse, scale), N * scale[:, None], measured, log_det, held
+
+
+def _factorised(A: Any, node: Index, held: Index) -> tuple[BandInverse | SparseInverse, float]:
+    """A with columns held, factorised as a band or sparse, and the largest eigenvalue of the inverse."""
+    order, width = band_order(A, node)
+    if len(node) * float(width) ** 2 <= _BAND_WORK:
+        try:
+            band = BandInverse(A, order, width, held)
+        except ArithmeticError:
+            pass  # the sparse factor says why
+        else:
+            return band, largest_of_inverse(band.solve, band.order, band.n)
+    sparse_inverse = SparseInverse(A, node, held)
+    return sparse_inverse, sparse_inverse.size
+
+
+def _other_poses(leak: float) -> DataError:
+    return DataError(
+        "poses",
+        f"must be those at which H was made: it has {leak:.0e} of its diagonal along the directions that the"
+        " measurements do not see. Or they have too few digits (take all about a local origin), or the layout"
+        " names another side",
+    )
