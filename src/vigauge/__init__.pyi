@@ -1,5 +1,8 @@
 """Types of the public names; at run time __init__.py loads each when first asked for."""
 
+from .covariance.calibration import Nees as Nees
+from .covariance.calibration import nees as nees
+from .covariance.calibration import sandwich as sandwich
 from .covariance.covariance import Covariance as Covariance
 from .covariance.covariance import keyframe_covariances as keyframe_covariances
 from .covariance.covariance import landmark_covariances as landmark_covariances

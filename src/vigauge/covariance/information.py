@@ -47,10 +47,10 @@ def from_hessian(
 ) -> EstimateCovariance:
     """The covariance of an estimate from any solver's information matrix, dense or sparse.
 
-    H is J^T J of whitened residuals at the estimate, with the weights of a robust loss if there is one
-    of the cost 1/2 ||r||^2, without damping. Directions of the group that H has information along
-    (absolute measurements, the prior of a marginalisation) are found; with none left the covariance is the
-    plain inverse, whatever the gauge.
+    H is J^T J of whitened residuals at the estimate, of the cost 1/2 ||r||^2, without damping, with the
+    weights of a robust loss if there is one (:func:`vigauge.sandwich` goes further). Directions of the group
+    that H has information along (absolute measurements, the prior of a marginalisation) are found; with
+    none left the covariance is the plain inverse, whatever the gauge.
 
     Parameters
     ----------
