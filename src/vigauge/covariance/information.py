@@ -30,6 +30,8 @@ _HARMLESS = 1e-3
 _SMALL = 400
 # Work of a band, n (half bandwidth)^2, up to which it is quicker than a general sparse factor (measured).
 _BAND_WORK = 3e9
+# Half bandwidth that no other order need improve on.
+_NARROW = 100
 # Share of a direction's square that makes it one of the group's own.
 _OWN = 1.0 - 1e-6
 
@@ -306,7 +308,8 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
 
 def _sparse(H: Any, estimate: _Estimate) -> _Found:
     scale = _scale(H.diagonal())
-    A = (sparse.diags_array(scale) @ H @ sparse.diags_array(scale)).tocsc()
+    A = H.copy()
+    A.data *= scale[A.indices] * np.repeat(scale, np.diff(A.indptr))
     N, measured = estimate.split(A, scale)
     held = _held(N)
     try:
@@ -324,10 +327,10 @@ def _sparse(H: Any, estimate: _Estimate) -> _Found:
 
 def _factorised(A: Any, node: Index, held: Index) -> tuple[BandInverse | SparseInverse, float]:
     """A with columns held, factorised as a band or sparse, and the largest eigenvalue of the inverse."""
-    order, width = band_order(A, node)
+    rank, order, width = band_order(A, node, _NARROW)
     if len(node) * float(width) ** 2 <= _BAND_WORK:
         try:
-            band = BandInverse(A, order, width, held)
+            band = BandInverse(A, order, width, held, lambda: SparseInverse(A, node, held, rank=rank))
         except ArithmeticError:
             pass  # the sparse factor says why
         else:

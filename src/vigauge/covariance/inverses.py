@@ -90,23 +90,36 @@ def largest_of_inverse(solve: Callable[[Array], Array], order: Index, n: int) ->
     return size
 
 
-def band_order(A: Any, node: Index) -> tuple[Index, int]:
-    """An order of columns that makes a sparse matrix a band, nodes kept together, and its half bandwidth."""
-    count = int(node.max()) + 1
-    map_ = sparse.csr_matrix((np.ones(len(node)), (node, np.arange(len(node)))), (count, len(node)))
-    pattern = sparse.csr_matrix((np.ones(A.nnz), A.indices, A.indptr), A.shape)
-    coo = A.tocoo()
-    best: tuple[Index, int] | None = None
-    graph = (map_ @ pattern @ map_.T).tocsr()
-    for order in (np.arange(count), reverse_cuthill_mckee(graph, symmetric_mode=True)):
-        rank = np.argsort(order)
-        columns = np.argsort(rank[node], kind="stable")
-        place = np.argsort(columns)
-        width = int(np.max(np.abs(place[coo.row] - place[coo.col]), initial=0))
-        if best is None or width < best[1]:
-            best = columns, width
-    assert best is not None
-    return best
+def node_pairs(A: Any, node: Index) -> tuple[Index, Index]:
+    """Pairs of nodes, each once, between which a sparse matrix in compressed columns has entries."""
+    count = int(node.max(initial=-1)) + 1
+    pairs = node[A.indices] + count * np.repeat(node, np.diff(A.indptr))
+    seen = np.unique(pairs[np.flatnonzero(np.diff(pairs, prepend=-1))])
+    return seen % count, seen // count
+
+
+def band_order(A: Any, node: Index, enough: int) -> tuple[Index, Index, int]:
+    """Places of nodes, and an order of columns, that make a sparse matrix a band; its half bandwidth.
+
+    Columns of a node stay together, and all stay where they are if that gives a half bandwidth of at most
+    ``enough``.
+    """
+    row, column = node_pairs(A, node)
+    sizes = np.bincount(node)
+
+    def width(rank: Index) -> int:
+        start = np.cumsum(np.bincount(rank, sizes))
+        first, last = np.minimum(rank[row], rank[column]), np.maximum(rank[row], rank[column])
+        return int(np.max(start[last] - start[first] + sizes[np.argsort(rank)][first], initial=1)) - 1
+
+    rank = np.arange(len(sizes))
+    reach = width(rank)
+    if reach > enough:
+        graph = sparse.csr_array((np.ones(len(row)), (row, column)), (len(sizes),) * 2)
+        other = np.argsort(reverse_cuthill_mckee(graph, symmetric_mode=True))
+        if width(other) < reach:
+            rank, reach = other, width(other)
+    return rank, np.argsort(rank[node], kind="stable"), reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +169,13 @@ class SchurInverse:
 class BandInverse:
     """G: A^-1 of a sparse A of unit diagonal that an order makes a band, ``held`` columns taken out.
 
+    ``far`` makes the inverse that is asked for entries outside the band.
+
     Raises ArithmeticError where the matrix is not positive definite.
     """
 
-    def __init__(self, A: Any, order: Index, width: int, held: Index) -> None:
+    def __init__(self, A: Any, order: Index, width: int, held: Index, far: Callable[[], Inverse]) -> None:
+        self._make_far = far
         self.n = A.shape[0]
         self.order = order[~np.isin(order, held)]
         self.place = np.full(self.n, -1, dtype=np.int64)
@@ -193,10 +209,12 @@ class BandInverse:
     def _band(self) -> Array:
         return selected_inverse(self.factor)
 
+    @cached_property
+    def _far(self) -> Inverse:
+        return self._make_far()
+
     def across(self, a: Index, b: Index) -> Array:
-        unit = np.zeros((self.n, len(b)))
-        unit[b, np.arange(len(b))] = 1.0
-        return self.times(unit)[a]
+        return self._far.across(a, b)
 
     def blocks(self, rows: Index) -> Array:
         at = self.place[rows]

@@ -25,8 +25,10 @@ from ..errors import DegenerateError, IndefiniteError
 from ..gauge.layout import Index
 from ..geometry.so3 import Array
 from ..sparsity.rounding import rounding
-from .inverses import largest_of_inverse
+from .inverses import largest_of_inverse, node_pairs
 
+# What a singular matrix is lifted by, in units of its rounding, to see whether it has negative eigenvalues.
+_LIFT = 1e3
 # Fronts of fewer columns are merged with the next where that adds few zeros (measured).
 _NARROW = 48
 _ZEROS = 0.25
@@ -48,97 +50,136 @@ class _Front:
         return np.concatenate([np.arange(self.start, self.stop), self.below])
 
 
-def _node_order(A: Any, node: Index) -> Index:
-    """Nodes in an order that keeps the factor sparse: minimum degree on the graph of nodes."""
-    count = int(node.max()) + 1
-    map_ = sparse.csr_matrix((np.ones(len(node)), (node, np.arange(len(node)))), (count, len(node)))
-    pattern = sparse.csr_matrix((np.ones(A.nnz), A.indices, A.indptr), A.shape)
-    graph = (map_ @ pattern @ map_.T).tocsc()
-    graph.data[:] = -1e-3 / count
-    graph.setdiag(1.0)
+def dissected(row: Index, column: Index, rank: Index) -> Index:
+    """Nodes of a band in an order of which every path from a node to the last is short (nested dissection).
+
+    ``rank`` places of the nodes that make the band. The middle of every stretch comes after both its sides.
+    """
+    reach = int(np.max(np.abs(rank[row] - rank[column]), initial=1))
+    order: list[Index] = []
+    stack = [(0, len(rank))]
+    while stack:
+        low, high = stack.pop()
+        middle = (low + high) // 2 if high - low > 4 * reach else low
+        stop = middle + reach if high - low > 4 * reach else high
+        order.append(np.arange(middle, stop))
+        stack += [(low, middle), (stop, high)] if stop < high else []
+    return np.argsort(rank)[np.concatenate(order[::-1])]
+
+
+def _eliminated(row: Index, column: Index, order: Index) -> tuple[Index, list[list[int]]]:
+    """Nodes in an elimination order as sparse as the one given, and the places that L reaches below each.
+
+    Children stand before parents, one branch after the other.
+    """
+    count = len(order)
+    place = np.argsort(order)
+    lower = place[row] > place[column]
+    row, column = place[row[lower]], place[column[lower]]
+    by_column = np.argsort(column, kind="stable")
+    reach = np.split(row[by_column], np.searchsorted(column[by_column], np.arange(1, count)))
+    below: list[set[int]] = [set(own.tolist()) for own in reach]
+    parent, children = [-1] * count, [[] for _ in range(count + 1)]  # type: ignore[var-annotated]
+    for k, rows in enumerate(below):
+        if rows:
+            parent[k] = min(rows)
+            below[parent[k]] |= rows
+            below[parent[k]].discard(parent[k])
+        children[parent[k]].append(k)
+    after: list[int] = []
+    stack = children[-1][:]
+    while stack:
+        k = stack.pop()
+        after.append(k)
+        stack += children[k]
+    old = np.array(after[::-1], dtype=np.int64)
+    new = np.argsort(old)
+    return order[old], [np.sort(new[list(below[k])]).tolist() for k in old]
+
+
+def _sparse_order(row: Index, column: Index, count: int) -> Index:
+    """Nodes in an order that keeps the factor sparse: minimum degree."""
+    values = np.where(row == column, 1.0, -1e-3 / count)
+    graph = sparse.csc_array((values, (row, column)), (count, count))
     lu = splu(graph, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return np.argsort(lu.perm_c)
 
 
-def _fronts(A: Any, sizes: Index) -> list[_Front]:
-    """Fronts of a matrix (n, n) in elimination order, whose nodes have these sizes."""
+def _fronts(below: list[list[int]], sizes: Index) -> list[_Front]:
+    """Nodes merged into fronts: chains whose columns of L reach the same rows, or nearly so."""
     begin = np.concatenate([[0], np.cumsum(sizes)])
-    node = np.repeat(np.arange(len(sizes)), sizes)
-    coo = sparse.tril(A, -1).tocoo()
-    pairs = np.unique(node[coo.col] * len(sizes) + node[coo.row])
-    above, under = pairs // len(sizes), pairs % len(sizes)
-    above, under = above[above != under], under[above != under]
-    reach = np.split(under, np.searchsorted(above, np.arange(1, len(sizes))))
-    # Symbolic elimination: rows of a node are its own and those of the nodes that it is the first row of.
-    below: list[set[int]] = [set(own.tolist()) for own in reach]
-    for k, rows in enumerate(below):
-        if rows:
-            first = min(rows)
-            below[first] |= rows
-            below[first].discard(first)
-        below[k] = rows
-    merged: list[tuple[int, int, set[int]]] = []
+    count = [int(sizes[rows].sum()) for rows in below]
+    merged: list[tuple[int, int]] = []
     start = 0
     for k, rows in enumerate(below):
-        joins = k + 1 < len(below) and k + 1 in rows
+        joins = bool(rows) and rows[0] == k + 1
         if joins:
-            ahead = sum(int(sizes[r]) for r in below[k + 1]) + int(sizes[k + 1])
-            here = sum(int(sizes[r]) for r in rows)
+            ahead = count[k + 1] + int(sizes[k + 1])
             narrow = begin[k + 1] - begin[start] < _NARROW
-            joins = here == ahead or (narrow and here >= (1.0 - _ZEROS) * ahead)
+            joins = count[k] == ahead or (narrow and count[k] >= (1.0 - _ZEROS) * ahead)
         if not joins:
-            # Rows of the last node of a chain hold those of the nodes before it.
-            merged.append((start, k + 1, rows))
+            merged.append((start, k + 1))
             start = k + 1
-    owner = np.empty(len(sizes), dtype=np.int64)
-    for number, (first, last, _) in enumerate(merged):
-        owner[first:last] = number
+    owner = np.repeat(np.arange(len(merged)), [stop - first for first, stop in merged])
     fronts = []
-    for first, last, rows in merged:
-        nodes = np.array(sorted(rows), dtype=np.int64)
-        columns = np.concatenate(
-            [np.arange(begin[r], begin[r + 1]) for r in nodes] or [np.empty(0, np.int64)]
-        )
-        parent = int(owner[nodes[0]]) if len(nodes) else -1
-        fronts.append(_Front(int(begin[first]), int(begin[last]), columns, parent))
+    for first, stop in merged:
+        # Rows of the last node of a chain hold those of the nodes before it.
+        rows = below[stop - 1]
+        columns = np.concatenate([np.empty(0, np.int64), *(np.arange(begin[r], begin[r + 1]) for r in rows)])
+        parent = int(owner[rows[0]]) if rows else -1
+        fronts.append(_Front(int(begin[first]), int(begin[stop]), columns, parent))
     return fronts
+
+
+def _factor(A: Any) -> Any:
+    """L D L^T of a symmetric matrix in its own order, without pivoting."""
+    return splu(A.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 class SparseInverse:
     """G: A^-1 of a sparse A (n, n) of unit diagonal, with ``held`` columns taken out and zero in G.
 
-    ``node`` (n,) says which columns stand together. Raises IndefiniteError where A has a negative
-    eigenvalue, and DegenerateError where more than the held columns is singular to rounding.
+    ``node`` (n,) says which columns stand together; ``rank``, if given, in which order the nodes make a
+    band, which is then dissected.
+
+    Raises IndefiniteError where A has a negative eigenvalue, and DegenerateError where more than the held
+    columns is singular to rounding.
     """
 
-    def __init__(self, A: Any, node: Index, held: Index) -> None:
+    def __init__(self, A: Any, node: Index, held: Index, *, rank: Index | None = None) -> None:
         self.n = A.shape[0]
         keep = np.setdiff1d(np.arange(self.n), held)
-        A = A.tocsr()[keep][:, keep].tocsc()
-        node = np.unique(node[keep], return_inverse=True)[1]
-        order = _node_order(A, node)
-        rank = np.argsort(order)
-        self.order = keep[np.argsort(rank[node], kind="stable")]
+        A = A[:, keep][keep].tocsc()
+        kept, node = np.unique(node[keep], return_inverse=True)
+        pairs = node_pairs(A, node)
+        if rank is None:
+            order = _sparse_order(*pairs, len(kept))
+        else:
+            order = dissected(*pairs, np.argsort(np.argsort(rank[kept])))
+        nodes, self._below = _eliminated(*pairs, order)
+        within = np.argsort(np.argsort(nodes)[node], kind="stable")
+        self._sizes = np.bincount(node)[nodes]
+        self.order = keep[within]
         """Columns of the whole in elimination order."""
         self.place = np.full(self.n, -1, dtype=np.int64)
-        self.place[self.order] = np.arange(len(self.order))
-        within = np.argsort(rank[node], kind="stable")
-        self._A = A[within][:, within].tocsc()
-        self._sizes = np.bincount(node)[order]
+        self.place[self.order] = np.arange(len(within))
+        A = A[:, within][within].tocsc()
         try:
-            self._lu = splu(
-                self._A, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-            )
+            self._lu = _factor(A)
         except RuntimeError as error:
             raise DegenerateError("more is unobservable than the gauge: H is exactly singular") from error
         self.pivots = self._lu.U.diagonal()
-        worst = int(np.argmin(self.pivots))
-        if self.pivots[worst] < -rounding(self.n):
-            column = int(self.order[self._lu.perm_c.argsort()[worst]])
-            raise IndefiniteError(
-                f"H is not positive semidefinite: a pivot of {self.pivots[worst]:.0e} of its diagonal at"
-                f" column {column}. It is no sum of squares, or lost digits"
-            )
+        if np.any(self.pivots <= 0.0):
+            # Of a singular matrix the pivots after the first zero are rounding errors: lift it from zero.
+            lifted = _factor(A + _LIFT * rounding(self.n) * sparse.eye_array(len(within)))
+            pivots = lifted.U.diagonal()
+            if np.any(pivots <= 0.0):
+                worst = int(self.order[np.argsort(lifted.perm_c)[np.argmin(pivots)]])
+                raise IndefiniteError(
+                    f"H is not positive semidefinite: a pivot of {pivots.min():.0e} of its diagonal at column"
+                    f" {worst}. It is no sum of squares, or lost digits"
+                )
+            raise DegenerateError("more is unobservable than the gauge: H is singular to rounding")
         self.size = largest_of_inverse(self._lu.solve, self.order, self.n)
         """Largest eigenvalue of G."""
 
@@ -154,22 +195,47 @@ class SparseInverse:
         return out
 
     def across(self, a: Index, b: Index) -> Array:
-        """(len(a), len(b)) entries of G."""
-        unit = np.zeros((self.n, len(b)))
-        unit[b, np.arange(len(b))] = 1.0
-        return self.times(unit)[a]
+        """(len(a), len(b)) entries of G, from the fronts between these columns and the last one.
+
+        With X = D^-1/2 L^-1 E for unit columns E, G is X^T X, and X is zero elsewhere.
+        """
+        columns, number = np.unique(np.concatenate([a, b]), return_inverse=True)
+        at = self.place[columns]
+        free = np.flatnonzero(at >= 0)
+        X = np.zeros((len(self.order), len(columns)))
+        X[at[free], free] = 1.0
+        path: set[int] = set()
+        for front in np.unique(self._owner[at[free]]).tolist():
+            while front >= 0 and front not in path:
+                path.add(front)
+                front = self._fronts[front].parent
+        G = np.zeros((len(columns), len(columns)))
+        for k in sorted(path):
+            front, panel = self._fronts[k], self._panels[k]
+            size = front.stop - front.start
+            x = dtrsm(1.0, panel[:size], X[front.start : front.stop], lower=1)
+            X[front.below] -= panel[size:] @ x
+            G += x.T @ x
+        return G[number[: len(a), None], number[len(a) :]]
 
     def blocks(self, rows: Index) -> Array:
         """(m, c, c) entries of G over m sets of columns (m, c); what the fronts lack is solved for."""
         m, c = rows.shape
         out = np.zeros((m, c, c))
         where = self.place[rows]
-        lowest = np.where(where < 0, self.n, where).min(axis=1, initial=self.n)
+        owner = np.where(where < 0, -1, self._owner[where])
+        inside = (owner == owner[:, :1]).all(axis=1) & (owner[:, 0] >= 0)
         missing = []
-        for k in np.flatnonzero(lowest < self.n):
-            at = where[k]
-            there = np.flatnonzero(at >= 0)
-            block = self._looked_up(at[there])
+        by_front = np.flatnonzero(inside)[np.argsort(owner[inside, 0], kind="stable")]
+        for some in (
+            np.split(by_front, np.flatnonzero(np.diff(owner[by_front, 0])) + 1) if len(by_front) else []
+        ):
+            front = int(owner[some[0], 0])
+            spot = where[some] - self._fronts[front].start
+            out[some] = self._selected[front][spot[:, :, None], spot[:, None, :]]
+        for k in np.flatnonzero(~inside & (where >= 0).any(axis=1)):
+            there = np.flatnonzero(where[k] >= 0)
+            block = self._looked_up(where[k, there])
             if block is not None:
                 out[k][np.ix_(there, there)] = block
             else:
@@ -198,7 +264,7 @@ class SparseInverse:
 
     @cached_property
     def _fronts(self) -> list[_Front]:
-        return _fronts(self._A, self._sizes)
+        return _fronts(self._below, self._sizes)
 
     @cached_property
     def _owner(self) -> Index:
@@ -206,24 +272,33 @@ class SparseInverse:
         return np.repeat(np.arange(len(widths)), widths)
 
     @cached_property
-    def _selected(self) -> list[Array]:
-        """Z_FJ: columns of each front over all its rows."""
+    def _panels(self) -> list[Array]:
+        """Columns of L D^1/2 of each front over its rows."""
         L = self._lu.L[self._lu.perm_c][:, self._lu.perm_c].tocsc()
-        pivots = self.pivots[self._lu.perm_c]
-        Z: list[Array] = [np.empty(0)] * len(self._fronts)
-        # The whole of a front, for as long as others below it need it.
-        whole: dict[int, Array] = {}
-        children = np.bincount([f.parent + 1 for f in self._fronts], minlength=len(Z) + 1)[1:]
+        root = np.sqrt(self.pivots[self._lu.perm_c])
+        panels: list[Array] = []
         local = np.empty(L.shape[0], dtype=np.int64)
-        for number in range(len(self._fronts) - 1, -1, -1):
-            front = self._fronts[number]
+        for front in self._fronts:
             F, size = front.rows, front.stop - front.start
             local[F] = np.arange(len(F))
             low, high = L.indptr[front.start], L.indptr[front.stop]
             panel = np.zeros((len(F), size), order="F")
             column = np.repeat(np.arange(size), np.diff(L.indptr[front.start : front.stop + 1]))
             panel[local[L.indices[low:high]], column] = L.data[low:high]
-            panel *= np.sqrt(pivots[front.start : front.stop])
+            panel *= root[front.start : front.stop]
+            panels.append(panel)
+        return panels
+
+    @cached_property
+    def _selected(self) -> list[Array]:
+        """Z_FJ: columns of each front over all its rows."""
+        Z: list[Array] = [np.empty(0)] * len(self._fronts)
+        # The whole of a front, for as long as others below it need it.
+        whole: dict[int, Array] = {}
+        children = np.bincount([f.parent + 1 for f in self._fronts], minlength=len(Z) + 1)[1:]
+        for number in range(len(self._fronts) - 1, -1, -1):
+            front, panel = self._fronts[number], self._panels[number]
+            F, size = front.rows, front.stop - front.start
             inverse, _ = lapack.dpotri(panel[:size], lower=1)
             inverse = np.tril(inverse)
             inverse += np.tril(inverse, -1).T

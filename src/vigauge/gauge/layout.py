@@ -197,20 +197,25 @@ class Layout:
         columns = self.n + np.arange(3 * count).reshape(-1, 3)
         return replace(self, n=self.n + 3 * count, points=np.concatenate([self.points, columns]))
 
-    def rows(self, motion: Mapping[str, Array], R: Array, p: Array) -> Array:
-        """(n, d) own increments from those in W of "pose" (N, 6, d) and of other kinds and "points"."""
-        d = motion["pose"].shape[2]
-        out = np.zeros((self.n + 1, d))
-        own = self.chart.from_world(R, p) @ motion["pose"]
-        parts = {"position": own[:, :3], "rotation": own[:, 3:], **motion}
+    @cached_property
+    def has_pose(self) -> NDArray[np.bool_]:
+        """(N,) whether H has columns of a keyframe's position or rotation."""
+        there = np.zeros(self.n_keyframes, dtype=bool)
+        for kind in ("position", "rotation"):
+            if kind in self.blocks:
+                there |= (self.blocks[kind] >= 0).any(axis=1)
+        return there
+
+    def pose_rows(self, own: Array, others: Mapping[str, Array] | None = None) -> Array:
+        """(n, d) rows of own increments of poses (N, 6, d) (position, rotation) and of other kinds."""
+        out = np.zeros((self.n + 1, own.shape[2]))
+        parts = {"position": own[:, :3], "rotation": own[:, 3:], **(others or {})}
         for kind, columns in self.blocks.items():
             if kind in parts:
                 width = columns.shape[1]
                 # In the plane: x and y, and the turn about z.
                 out[columns] = parts[kind][:, 3 - width :] if kind == "rotation" else parts[kind][:, :width]
-        if self.n_points:
-            out[self.points] = motion["points"]
-        return out[:-1]
+        return out[:-1]  # the last took the -1 of missing columns
 
     def world_from(self, key: Hashable, R: Array, p: Array) -> tuple[Array, Index]:
         """(6, c) increment in W (position, rotation) of a keyframe by its c pose columns, and these."""
@@ -299,19 +304,21 @@ def null_space(
     R, p = poses_of(poses, layout.n_keyframes)
     moves = _moves(group, gravity)
     centre = p.mean(axis=0) if len(p) else np.zeros(3)
-    motion: dict[str, Array] = {"pose": np.zeros((len(p), 6, dimension(group)))}
-    motion["pose"][:, :3] = np.stack([m.point(p - centre) for m in moves], axis=2)
-    motion["pose"][:, 3:] = np.stack([np.broadcast_to(m.turn, p.shape) for m in moves], axis=2)
+    world = np.empty((len(p), 6, dimension(group)))
+    world[:, :3] = np.stack([m.point(p - centre) for m in moves], axis=2)
+    world[:, 3:] = np.stack([np.broadcast_to(m.turn, p.shape) for m in moves], axis=2)
+    others: dict[str, Array] = {}
     if "velocity" in layout.blocks:
         v = _needed("velocities", velocities, layout.n_keyframes)
-        motion["velocity"] = np.stack([np.cross(m.turn, v) + m.scale * v for m in moves], axis=2)
-    if layout.n_points:
-        X = _needed("points", points, layout.n_points) - centre
-        motion["points"] = np.stack([m.point(X) for m in moves], axis=2)
+        others["velocity"] = np.stack([np.cross(m.turn, v) + m.scale * v for m in moves], axis=2)
     for kind in layout.vectors:
         value = _needed("vectors", (vectors or {}).get(kind), layout.n_keyframes, kind)
-        motion[kind] = np.stack([np.cross(m.turn, value) for m in moves], axis=2)
-    return layout.rows(motion, R, p)
+        others[kind] = np.stack([np.cross(m.turn, value) for m in moves], axis=2)
+    U = layout.pose_rows(layout.chart.from_world(R, p) @ world, others)
+    if layout.n_points:
+        X = _needed("points", points, layout.n_points) - centre
+        U[layout.points] = np.stack([m.point(X) for m in moves], axis=2)
+    return U
 
 
 def _needed(what: str, value: Array | None, count: int, kind: str | None = None) -> Array:

@@ -64,47 +64,46 @@ def gauge_normal(
 def _normal(
     layout: Layout, R: Array, p: Array, gauge: object, group: Group, points: Array | None, gravity: object
 ) -> Array:
-    keys = list(range(layout.n_keyframes)) if layout.keys is None else list(layout.keys)
+    moves = [move for move in _moves(group, gravity) if not move.scale]
+    pose = np.stack([np.concatenate([m.shift, m.turn]) for m in moves], axis=1)
+    # Derivatives of the constraints by increments in W of each keyframe (position, rotation).
+    by_pose = np.zeros((len(p), 6, 1 if isinstance(gauge, (Distance, MeanDepth)) else pose.shape[1]))
+    rays = np.empty((0, 3))
     if isinstance(gauge, Distance):
-        i, j = layout.place(gauge.first), layout.place(gauge.second)
+        i, j = _place(layout, gauge.first), _place(layout, gauge.second)
         ray = p[j] - p[i]
         if not np.any(ray):
             raise DataError("gauge", "a distance needs two keyframes apart", value=gauge)
-        ray = ray / np.linalg.norm(ray)
-        return _along(layout, R, p, {gauge.first: _of_position(-ray), gauge.second: _of_position(ray)})
-    if isinstance(gauge, MeanDepth):
+        by_pose[j, :3, 0] = ray / np.linalg.norm(ray)
+        by_pose[i] -= by_pose[j]
+    elif isinstance(gauge, MeanDepth):
         if not layout.n_points or points is None:
             raise DataError("points", "must be given for a mean depth")
-        rays = reals("points", points, (layout.n_points, 3)) - p[layout.place(gauge.keyframe)]
+        k = _place(layout, gauge.keyframe)
+        rays = reals("points", points, (layout.n_points, 3)) - p[k]
         rays /= np.linalg.norm(rays, axis=1, keepdims=True) * len(rays)
-        V = _along(layout, R, p, {gauge.keyframe: _of_position(-rays.sum(axis=0))})
+        by_pose[k, :3, 0] = -rays.sum(axis=0)
+    elif isinstance(gauge, FixedGauge):
+        by_pose[0] = pose
+    elif isinstance(gauge, KeyframeGauge):
+        by_pose[_place(layout, gauge.index)] = pose
+    elif isinstance(gauge, CentroidGauge):
+        there = layout.has_pose
+        by_pose[there] = pose / max(int(there.sum()), 1)
+    else:
+        rule = "must be the first pose, a keyframe, the centroid, a distance or a depth"
+        raise DataError("gauge", rule, value=gauge)
+    V = layout.pose_rows(np.linalg.solve(layout.chart.from_world(R, p).swapaxes(1, 2), by_pose))
+    if len(rays):
         V[layout.points, 0] = rays
-        return V
-    moves = [move for move in _moves(group, gravity) if not move.scale]
-    functional = np.stack([np.concatenate([m.shift, m.turn]) for m in moves], axis=1)
-    if isinstance(gauge, (FixedGauge, KeyframeGauge)):
-        key = keys[0] if isinstance(gauge, FixedGauge) else gauge.index
-        return _along(layout, R, p, {key: functional})
-    if isinstance(gauge, CentroidGauge):
-        there = [key for key in keys if len(layout.columns(key, "position"))]
-        return _along(layout, R, p, dict.fromkeys(there, functional / len(there)))
-    raise DataError(
-        "gauge", "must be the first pose, a keyframe, the centroid, a distance or a depth", value=gauge
-    )
-
-
-def _of_position(gradient: Array) -> Array:
-    return np.concatenate([gradient, np.zeros(3)])[:, None]
-
-
-def _along(layout: Layout, R: Array, p: Array, functionals: dict[Hashable, Array]) -> Array:
-    """V of linear functions (6, d) of increments in W (position, rotation) of some keyframes."""
-    some = next(iter(functionals.values()))
-    V = np.zeros((layout.n, some.shape[1]))
-    for key, functional in functionals.items():
-        world, columns = layout.world_from(key, R, p)
-        V[columns] += world.T @ functional
     return V
+
+
+def _place(layout: Layout, key: Hashable) -> int:
+    place = layout.place(key)
+    if not layout.has_pose[place]:
+        raise DataError("gauge", "this keyframe has no pose among the columns of H", value=key)
+    return place
 
 
 def normal_from(constraint: Callable[[object], object], retract: Callable[[Array], object], n: int) -> Array:
