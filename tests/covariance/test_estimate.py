@@ -108,6 +108,29 @@ def test_every_way_is_the_oracle(build, group: Group, gauge: object, side: str) 
     )
 
 
+@pytest.mark.parametrize(("loops", "kind"), [(0, BandInverse), (40, SparseInverse)])
+def test_a_large_sparse_matrix_is_as_the_dense_one(
+    loops: int, kind: type, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catches fronts, bands and paths that only hold for small graphs: a long flight, and one with loops."""
+    layout = vg.Layout.by_kind(150, BLOCKS, points=60, side="right")
+    at, T, J = problem(layout, vg.YawTranslation(), np.random.default_rng(14), loops=loops)
+    monkeypatch.setattr(information, "_BAND_WORK", 3e7)
+    H = J.T @ J
+    dense = vg.Covariance.from_hessian(H.toarray(), layout, *at.args)
+    large = vg.Covariance.from_hessian(H, layout, *at.args)
+    assert isinstance(large.inverse.inverse, kind)
+    gauge = vg.CentroidGauge()
+    for one, other in (
+        (large.keyframes(gauge), dense.keyframes(gauge)),
+        (large.landmarks(gauge), dense.landmarks(gauge)),
+        (large.joint([3, 140], gauge), dense.joint([3, 140], gauge)),
+        (large.relative_pose(2, 147).covariance, dense.relative_pose(2, 147).covariance),
+    ):
+        np.testing.assert_allclose(one, other, atol=1e-10 * np.abs(other).max())
+    np.testing.assert_allclose(large.log_det(gauge), dense.log_det(gauge), rtol=1e-10)
+
+
 def test_directions_that_are_measured_are_found(build) -> None:
     """Catches a null space that is taken for granted: 4, 3, 1 and 0 open directions."""
     rng = np.random.default_rng(2)

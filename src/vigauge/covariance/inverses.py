@@ -90,11 +90,13 @@ def largest_of_inverse(solve: Callable[[Array], Array], order: Index, n: int) ->
     return size
 
 
-def node_pairs(A: Any, node: Index) -> tuple[Index, Index]:
-    """Pairs of nodes, each once, between which a sparse matrix in compressed columns has entries."""
-    count = int(node.max(initial=-1)) + 1
-    pairs = node[A.indices] + count * np.repeat(node, np.diff(A.indptr))
-    seen = np.unique(pairs[np.flatnonzero(np.diff(pairs, prepend=-1))])
+def node_pairs(row: Index, column: Index) -> tuple[Index, Index]:
+    """Pairs of nodes, each once, from those of all entries of a sparse matrix."""
+    count = int(row.max(initial=-1)) + 1
+    pairs = row + count * column.astype(np.int64)
+    # Entries of one pair often follow each other: fewer to sort.
+    new = np.append(True, pairs[1:] != pairs[:-1])[: len(pairs)]
+    seen = np.unique(pairs[new])
     return seen % count, seen // count
 
 
@@ -104,7 +106,8 @@ def band_order(A: Any, node: Index, enough: int) -> tuple[Index, Index, int]:
     Columns of a node stay together, and all stay where they are if that gives a half bandwidth of at most
     ``enough``.
     """
-    row, column = node_pairs(A, node)
+    coo = A.tocoo()
+    row, column = node_pairs(node[coo.row], node[coo.col])
     sizes = np.bincount(node)
 
     def width(rank: Index) -> int:

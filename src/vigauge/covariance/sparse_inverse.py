@@ -11,6 +11,7 @@ last front first (Takahashi, Fagan and Chin 1973): Z_BB lies inside the front th
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -149,21 +150,26 @@ class SparseInverse:
     def __init__(self, A: Any, node: Index, held: Index, *, rank: Index | None = None) -> None:
         self.n = A.shape[0]
         keep = np.setdiff1d(np.arange(self.n), held)
-        A = A[:, keep][keep].tocsc()
-        kept, node = np.unique(node[keep], return_inverse=True)
-        pairs = node_pairs(A, node)
+        coo = A.tocoo()
+        free = np.ones(self.n, dtype=bool)
+        free[held] = False
+        entries = free[coo.row] & free[coo.col]
+        row, column, data = coo.row[entries], coo.col[entries], coo.data[entries]
+        kept, node_of = np.unique(node[keep], return_inverse=True)
+        numbered = np.full(self.n, -1, dtype=np.int64)
+        numbered[keep] = node_of
+        pairs = node_pairs(numbered[row], numbered[column])
         if rank is None:
             order = _sparse_order(*pairs, len(kept))
         else:
             order = dissected(*pairs, np.argsort(np.argsort(rank[kept])))
         nodes, self._below = _eliminated(*pairs, order)
-        within = np.argsort(np.argsort(nodes)[node], kind="stable")
-        self._sizes = np.bincount(node)[nodes]
-        self.order = keep[within]
+        self._sizes = np.bincount(node_of)[nodes]
+        self.order = keep[np.argsort(np.argsort(nodes)[node_of], kind="stable")]
         """Columns of the whole in elimination order."""
         self.place = np.full(self.n, -1, dtype=np.int64)
-        self.place[self.order] = np.arange(len(within))
-        A = A[:, within][within].tocsc()
+        self.place[self.order] = np.arange(len(keep))
+        A = sparse.csc_array((data, (self.place[row], self.place[column])), (len(keep), len(keep)))
         try:
             self._lu = _factor(A)
         except RuntimeError as error:
@@ -171,7 +177,7 @@ class SparseInverse:
         self.pivots = self._lu.U.diagonal()
         if np.any(self.pivots <= 0.0):
             # Of a singular matrix the pivots after the first zero are rounding errors: lift it from zero.
-            lifted = _factor(A + _LIFT * rounding(self.n) * sparse.eye_array(len(within)))
+            lifted = _factor(A + _LIFT * rounding(self.n) * sparse.eye_array(len(keep)))
             pivots = lifted.U.diagonal()
             if np.any(pivots <= 0.0):
                 worst = int(self.order[np.argsort(lifted.perm_c)[np.argmin(pivots)]])
@@ -182,6 +188,8 @@ class SparseInverse:
             raise DegenerateError("more is unobservable than the gauge: H is singular to rounding")
         self.size = largest_of_inverse(self._lu.solve, self.order, self.n)
         """Largest eigenvalue of G."""
+        self._panels: dict[int, Array] = {}
+        self._selected: dict[int, Array] = {}
 
     @property
     def log_det(self) -> float:
@@ -204,14 +212,9 @@ class SparseInverse:
         free = np.flatnonzero(at >= 0)
         X = np.zeros((len(self.order), len(columns)))
         X[at[free], free] = 1.0
-        path: set[int] = set()
-        for front in np.unique(self._owner[at[free]]).tolist():
-            while front >= 0 and front not in path:
-                path.add(front)
-                front = self._fronts[front].parent
         G = np.zeros((len(columns), len(columns)))
-        for k in sorted(path):
-            front, panel = self._fronts[k], self._panels[k]
+        for k in self._path(self._owner[at[free]]):
+            front, panel = self._fronts[k], self._panel(k)
             size = front.stop - front.start
             x = dtrsm(1.0, panel[:size], X[front.start : front.stop], lower=1)
             X[front.below] -= panel[size:] @ x
@@ -224,6 +227,7 @@ class SparseInverse:
         out = np.zeros((m, c, c))
         where = self.place[rows]
         owner = np.where(where < 0, -1, self._owner[where])
+        self._select(owner[owner >= 0])
         inside = (owner == owner[:, :1]).all(axis=1) & (owner[:, 0] >= 0)
         missing = []
         by_front = np.flatnonzero(inside)[np.argsort(owner[inside, 0], kind="stable")]
@@ -272,41 +276,57 @@ class SparseInverse:
         return np.repeat(np.arange(len(widths)), widths)
 
     @cached_property
-    def _panels(self) -> list[Array]:
-        """Columns of L D^1/2 of each front over its rows."""
+    def _L(self) -> Any:
+        """L D^1/2 in elimination order, compressed columns."""
         L = self._lu.L[self._lu.perm_c][:, self._lu.perm_c].tocsc()
-        root = np.sqrt(self.pivots[self._lu.perm_c])
-        panels: list[Array] = []
-        local = np.empty(L.shape[0], dtype=np.int64)
-        for front in self._fronts:
-            F, size = front.rows, front.stop - front.start
-            local[F] = np.arange(len(F))
-            low, high = L.indptr[front.start], L.indptr[front.stop]
-            panel = np.zeros((len(F), size), order="F")
-            column = np.repeat(np.arange(size), np.diff(L.indptr[front.start : front.stop + 1]))
-            panel[local[L.indices[low:high]], column] = L.data[low:high]
-            panel *= root[front.start : front.stop]
-            panels.append(panel)
-        return panels
+        L.data *= np.repeat(np.sqrt(self.pivots[self._lu.perm_c]), np.diff(L.indptr))
+        return L
 
-    @cached_property
-    def _selected(self) -> list[Array]:
-        """Z_FJ: columns of each front over all its rows."""
-        Z: list[Array] = [np.empty(0)] * len(self._fronts)
+    def _panel(self, number: int) -> Array:
+        """Columns of L D^1/2 of a front over its rows."""
+        if number not in self._panels:
+            front, L = self._fronts[number], self._L
+            begin = L.indptr[front.start : front.stop + 1]
+            rows = L.indices[begin[0] : begin[-1]]
+            spot = np.where(
+                rows < front.stop,
+                rows - front.start,
+                front.stop - front.start + np.searchsorted(front.below, rows),
+            )
+            panel = np.zeros((len(front.rows), front.stop - front.start), order="F")
+            panel[spot, np.repeat(np.arange(len(begin) - 1), begin[1:] - begin[:-1])] = L.data[
+                begin[0] : begin[-1]
+            ]
+            self._panels[number] = panel
+        return self._panels[number]
+
+    def _path(self, fronts: Index) -> list[int]:
+        """Some fronts and all that they lead to, in elimination order."""
+        path: set[int] = set()
+        for front in np.unique(fronts).tolist():
+            while front >= 0 and front not in path:
+                path.add(front)
+                front = self._fronts[front].parent
+        return sorted(path)
+
+    def _select(self, fronts: Index) -> None:
+        """Fill in Z_FJ, columns over all rows, of some fronts and of those that they lead to."""
+        path = self._path(fronts)
+        if all(number in self._selected for number in path):
+            return
         # The whole of a front, for as long as others below it need it.
         whole: dict[int, Array] = {}
-        children = np.bincount([f.parent + 1 for f in self._fronts], minlength=len(Z) + 1)[1:]
-        for number in range(len(self._fronts) - 1, -1, -1):
-            front, panel = self._fronts[number], self._panels[number]
-            F, size = front.rows, front.stop - front.start
+        children = Counter(self._fronts[number].parent for number in path)
+        for number in reversed(path):
+            front, panel = self._fronts[number], self._panel(number)
+            size = front.stop - front.start
             inverse, _ = lapack.dpotri(panel[:size], lower=1)
-            inverse = np.tril(inverse)
-            inverse += np.tril(inverse, -1).T
-            columns = np.empty((len(F), size))
+            inverse = inverse + inverse.T  # its upper triangle is zero
+            inverse.flat[:: size + 1] *= 0.5
+            columns = np.empty(panel.shape)
             Z_BB: Array = np.empty((0, 0))
-            if len(F) > size:
-                above = self._fronts[front.parent].rows
-                spot = np.searchsorted(above, front.below)
+            if len(panel) > size:
+                spot = np.searchsorted(self._fronts[front.parent].rows, front.below)
                 Z_BB = whole[front.parent][spot[:, None], spot]
                 children[front.parent] -= 1
                 if not children[front.parent]:
@@ -315,7 +335,6 @@ class SparseInverse:
                 columns[size:] = -Z_BB @ Y
                 inverse -= columns[size:].T @ Y
             columns[:size] = 0.5 * (inverse + inverse.T)
-            Z[number] = columns
+            self._selected[number] = columns
             if children[number]:
                 whole[number] = np.block([[columns[:size], columns[size:].T], [columns[size:], Z_BB]])
-        return Z
