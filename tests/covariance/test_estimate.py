@@ -248,8 +248,14 @@ def schur():
     return layout, vg.Layout.by_keyframe(7, BLOCKS[:2], side="colmap"), at, J, 0.5 * (S + S.T), B, C
 
 
-def test_a_schur_complement_answers_as_the_whole(schur) -> None:
+@pytest.mark.parametrize("sparse", [False, True])
+def test_a_schur_complement_answers_as_the_whole(
+    schur, sparse: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     whole_layout, layout, at, J, S, B, C = schur
+    if sparse:
+        monkeypatch.setattr(information, "_SMALL", 0)
+        S, B = scipy.sparse.csr_array(S), scipy.sparse.csr_array(B)
     group = vg.Similarity()
     whole = vg.Covariance.from_jacobian(J, whole_layout, *at.args, group=group)
     found = vg.Covariance.from_schur(
@@ -271,6 +277,59 @@ def test_a_schur_complement_alone_asks_for_the_rest(schur) -> None:
     with pytest.raises(vg.DataError, match="coupling and information"):
         found.keyframes()
     close(found.matrix(found.U), np.linalg.pinv(S, rcond=1e-12, hermitian=True), 1e-6)
+
+
+def test_a_keyframe_that_the_solver_held_has_no_columns(build) -> None:
+    """Catches a null space where a held pose leaves none, or the scale alone."""
+    layout = vg.Layout.by_keyframe(8, BLOCKS[:2], points=9, side="colmap")
+    at, T, J = problem(layout, vg.Similarity(), np.random.default_rng(15))
+    blocks = {kind: columns - 6 for kind, columns in layout.blocks.items()}
+    for columns in blocks.values():
+        columns[0] = -1
+    held = vg.Layout(layout.n - 6, blocks, layout.points - 6, "colmap")
+    covariance = build(J[:, 6:], held, *at.args, group=vg.Similarity())
+    assert len(covariance.open) == 1 and "scale" in covariance.open[0]
+    gauge = (vg.KeyframeGauge(1), vg.Distance(2, 3))
+    with pytest.raises(vg.DataError, match="no pose"):
+        covariance.matrix((vg.KeyframeGauge(0), vg.Distance(2, 3)))
+    with pytest.raises(vg.DataError, match="lacks columns"):
+        covariance.keyframes(gauge)
+    close(covariance.matrix(), oracle(J[:, 6:].toarray(), covariance.U), 1e-9)
+    # The distance is constraint enough, and the first pose is fixed already.
+    close(
+        covariance.matrix((vg.FixedGauge(), vg.Distance(2, 3))),
+        oracle(J[:, 6:].toarray(), vg.gauge_normal(held, (at.R, at.p), vg.Distance(2, 3))),
+        1e-9,
+    )
+
+
+def test_a_plane_has_three_directions(build) -> None:
+    at = random_estimate(9, 0, np.random.default_rng(16))
+    R = so3.exp(np.random.default_rng(17).normal(size=(9, 1)) * np.array([0, 0, 1.0]))
+    columns = np.arange(27).reshape(9, 3)
+    layout = vg.Layout(27, {"position": columns[:, :2], "rotation": columns[:, 2:]}, side="gtsam")
+    T = vg.null_space(layout, (R, at.p))[:, :3]
+    J = graph_jacobian(layout, T, np.random.default_rng(18))
+    covariance = build(J, layout, (R, at.p))
+    assert covariance.open == ("yaw", "x", "y")
+    close(covariance.matrix(), oracle(J.toarray(), T))
+    fixed = covariance.matrix(vg.KeyframeGauge(4))
+    assert np.abs(fixed[12:15]).max() < 1e-12 * np.abs(fixed).max()
+    kept = np.delete(np.arange(27), [12, 13, 14])
+    close(fixed[np.ix_(kept, kept)], np.linalg.inv((J.T @ J).toarray()[np.ix_(kept, kept)]))
+
+
+def test_poses_of_few_digits_are_right_or_refused(build) -> None:
+    """Catches poses stored in single precision that quietly turn null directions into weak measurements."""
+    layout = vg.Layout.by_keyframe(8, BLOCKS)
+    at, T, J = problem(layout, vg.YawTranslation(), np.random.default_rng(19))
+    coarse = (at.R, np.float64(np.float32(at.p))), np.float64(np.float32(at.v))
+    try:
+        covariance = build(J, layout, *coarse)
+    except vg.VigaugeError as error:
+        assert "poses" in str(error)
+    else:
+        close(covariance.matrix(), oracle(J.toarray(), T), 1e-3)
 
 
 def test_refusals(build) -> None:

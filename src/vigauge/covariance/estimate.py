@@ -213,6 +213,7 @@ class EstimateCovariance:
                 points=self.points,
                 gravity=self.gravity,
             )
+            V = V[:, np.any(V != 0.0, axis=0)]  # in the plane no column has a height
         if V.shape[1] < k or V.shape[1] not in (k, d):
             rule = f"must constrain the {k} open directions ({', '.join(self.open)})"
             hint = "; add vg.Distance or vg.MeanDepth for the scale" if "scale" in self.open else ""

@@ -277,6 +277,8 @@ def _dense(H: Array, estimate: _Estimate) -> _Found:
         raise
     except DegenerateError as error:
         raise estimate.refusal(error, measured) from error
+    except DataError as error:
+        raise _other_poses(float(np.linalg.norm(A @ N))) from error
     held = _held(N)
     half = np.linalg.cholesky(A + N @ N.T)
     log_det = 2.0 * float(np.sum(np.log(np.diagonal(half)))) + 2.0 * np.linalg.slogdet(N[held])[1]
