@@ -28,8 +28,8 @@ from .sparse_inverse import SparseInverse
 _HARMLESS = 1e-3
 # Below, a matrix is inverted dense: never slower (measured).
 _SMALL = 400
-# Work of a band, n (half bandwidth)^2, up to which it is quicker than a general sparse factor (measured).
-_BAND_WORK = 3e9
+# Places of a band for each entry of the matrix, up to which it is quicker than a general factor (measured).
+_BAND_FILL = 6.0
 # Half bandwidth that no other order need improve on.
 _NARROW = 100
 # Share of a direction's square that makes it one of the group's own.
@@ -330,7 +330,7 @@ def _sparse(H: Any, estimate: _Estimate) -> _Found:
 def _factorised(A: Any, node: Index, held: Index) -> tuple[BandInverse | SparseInverse, float]:
     """A with columns held, factorised as a band or sparse, and the largest eigenvalue of the inverse."""
     rank, order, width = band_order(A, node, _NARROW)
-    if len(node) * float(width) ** 2 <= _BAND_WORK:
+    if 2.0 * width * len(node) <= _BAND_FILL * A.nnz:
         try:
             band = BandInverse(A, order, width, held, lambda: SparseInverse(A, node, held, rank=rank))
         except ArithmeticError:
