@@ -264,6 +264,18 @@ def test_a_schur_complement_answers_as_the_whole(
         np.testing.assert_allclose(found.log_det(gauge), whole.log_det(gauge), rtol=1e-8)
 
 
+def test_a_schur_complement_of_other_points_is_refused(schur) -> None:
+    """Catches points in another order than the coupling, or a coupling of the other sign."""
+    _, layout, at, J, S, B, C = schur
+    for X, coupling in ((at.X[::-1], B), (at.X, -B)):
+        with pytest.raises(vg.DataError, match="coupling.*must belong"):
+            vg.Covariance.from_schur(
+                S, layout, (at.R, at.p), points=X, coupling=coupling, information=C, group=vg.Similarity()
+            )
+    with pytest.raises(vg.DataError, match="or none of the three"):
+        vg.Covariance.from_schur(S, layout, (at.R, at.p), points=at.X, group=vg.Similarity())
+
+
 def test_a_schur_complement_alone_asks_for_the_rest(schur) -> None:
     """Catches the free gauge of the poses alone that passes for that of the whole."""
     whole_layout, layout, at, J, S, B, C = schur

@@ -73,7 +73,8 @@ def covariance_from_hessian(H: Array, U: Array, V: Array | None = None) -> Array
     ----------
     H : (n, n) information matrix with null space spanned by U
     U : (n, d) null directions (4 for visual-inertial, 7 for monocular problems)
-    V : (n, d) constraint normals of the gauge; None for the pseudo-inverse (V = U)
+    V : (n, d) constraint normals of the gauge; None for the pseudo-inverse (V = U). That of a Schur
+        complement is not the free gauge of the whole, which :meth:`Covariance.from_schur` gives
 
     Raises
     ------

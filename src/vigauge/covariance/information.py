@@ -26,6 +26,8 @@ from .sparse_inverse import SparseInverse
 
 # Largest relative error of a covariance that may come from poses that are good to a few digits only.
 _HARMLESS = 1e-3
+# Largest share of a point's information that its coupling may lack.
+_FOREIGN = 1e-6
 # Below, a matrix is inverted dense: never slower (measured).
 _SMALL = 400
 # Places of a band for each entry of the matrix, up to which it is quicker than a general factor (measured).
@@ -148,16 +150,27 @@ def from_schur(
     index = np.arange(len(X))
     Y = (sparse.bsr_matrix((C_inverse, index, np.arange(len(X) + 1))) @ B.T).tocsr()
     tangent = null_space(whole, poses, velocities, X, group=group, gravity=gravity, vectors=vectors)
-    coordinates = np.linalg.lstsq(found.tangent, found.U, rcond=None)[0]
+    U = tangent @ np.linalg.lstsq(found.tangent, found.U, rcond=None)[0]
+    _require_partners(B.T @ found.U, C, U[layout.n :])
     return replace(
         found,
         layout=whole,
         points=X,
         inverse=SchurInverse(found.inverse, Y, C_inverse),
         tangent=tangent,
-        U=tangent @ coordinates,
+        U=U,
         log_det_held=found.log_det_held + float(np.sum(np.linalg.slogdet(C)[1])),
     )
+
+
+def _require_partners(seen: Array, C: Array, U: Array) -> None:
+    """DataError where B^T U + C U is not zero in rows of points: the whole has another null space."""
+    own = (C @ U.reshape(len(C), 3, -1)).reshape(U.shape)
+    size = np.abs(own).max(initial=0.0) + np.abs(seen).max(initial=0.0)
+    wrong = np.abs(seen + own).max(axis=1, initial=0.0) > _FOREIGN * size
+    if wrong.any():
+        rule = "must belong to points, information and S: together they see the directions that S does not"
+        raise DataError("coupling", rule, field=f"point {int(np.argmax(wrong)) // 3}")
 
 
 class _Estimate:
