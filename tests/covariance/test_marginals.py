@@ -22,6 +22,8 @@ from vigauge.covariance.projection import project_covariance
 from vigauge.errors import DataError
 from vigauge.gauge.gauges import CentroidGauge, FixedGauge, FreeGauge, KeyframeGauge, PriorGauge
 from vigauge.gauge.group import orbit_tangent
+from vigauge.gauge.normals import normal_from
+from vigauge.geometry import so3
 from vigauge.model.evaluation import relative_frobenius
 from vigauge.model.problem import Problem
 from vigauge.solver.normal_equations import linearise
@@ -120,3 +122,28 @@ def test_wrong_numbers_are_named():
         keyframe_covariances(problem, state, FreeGauge(), [0, -1])
     with pytest.raises(DataError, match="landmarks"):
         landmark_covariances(problem, state, FreeGauge(), [10**6])
+
+
+@pytest.mark.parametrize("pair", [(0, 4), (3, 7), (6, 0)])
+@pytest.mark.parametrize("case", range(2))
+def test_relative_poses_are_gauge_free(case, pair):
+    """Catches a derivative of the relative pose that forgets the first rotation's own chart."""
+    problem, state = cases()[case]
+    i, j = pair
+    found = Covariance.of(problem, state).relative_pose(i, j)
+
+    def relative(now):
+        R = now.R_WB[i].T @ now.R_WB[j]
+        return np.append(now.R_WB[i].T @ (now.p_W[j] - now.p_W[i]), so3.log(R @ found.R.T))
+
+    columns = problem.structure.columns[[i, j]].ravel()
+    step = np.zeros(state.n_parameters)
+
+    def moved(delta):
+        step[columns] = delta
+        return state.retract(step)
+
+    gradient = normal_from(relative, moved, len(columns))
+    for gauge in (FreeGauge(), CentroidGauge()):
+        expected = gradient.T @ Covariance.of(problem, state).joint(gauge, [i, j]) @ gradient
+        assert relative_frobenius(found.covariance, expected) < 1e-6

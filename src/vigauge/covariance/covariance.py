@@ -11,7 +11,7 @@ the cost grows linearly with the number of landmarks.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,8 +20,9 @@ import scipy.linalg
 from ..arrays import indices as indices_of
 from ..arrays import reals
 from ..errors import DataError
-from ..gauge.gauges import FreeGauge, Gauge, first_pose_columns
+from ..gauge.gauges import FixedGauge, FreeGauge, Gauge, first_pose_columns
 from ..gauge.group import Group, YawTranslation, local_tangent
+from ..geometry import so3
 from ..geometry.so3 import Array
 from ..kernels import symmetric
 from ..model.factors import LinearFactor
@@ -35,6 +36,7 @@ from .foreign import generalised_inverse
 from .held_inverse import HeldInverse
 from .information import from_hessian, from_jacobian, from_schur
 from .projection import along_orbit, low_rank_projection
+from .relative import RelativePose, is_still, relative_pose
 
 # Entries of G that are gathered at a time: two megabytes.
 _AT_ONCE = 250_000
@@ -150,6 +152,29 @@ class Covariance:
         """
         columns = self._columns(indices).reshape(1, -1)
         return self._projection(gauge).apply_blocks(self.inverse.across(columns[0])[None], columns)[0]
+
+    def relative_pose(self, i: int, j: int, gauge: Gauge | None = None) -> RelativePose:
+        """The pose of keyframe j in keyframe i's frame, with its covariance, which no gauge changes.
+
+        Where the scale is open it does depend on the gauge, which must then be given.
+
+        Raises DataError for a keyframe that is not there, and where the scale is open and no gauge given.
+        """
+        columns = self._columns([i, j])[:, :6]
+        R, p = self.state.R_WB, self.state.p_W
+        pose, *by_pose = relative_pose(R[i], p[i], R[j], p[j])
+        for keyframe, J_k in zip((i, j), by_pose, strict=True):
+            if keyframe == 0:  # its increment is the total one
+                J_k[:, 3:] = J_k[:, 3:] @ so3.left_jacobian(self.state.dphi_0)
+        J = np.concatenate(by_pose, axis=1)
+        if gauge is None and not is_still(J, self.U[columns.ravel()]):
+            raise DataError("gauge", "must be given: an open direction (the scale?) moves relative poses")
+        if gauge is None:  # any will do
+            gauge = FixedGauge() if isinstance(self.group, YawTranslation) else FreeGauge(group=self.group)
+        joint = self.joint(gauge, [i, j])
+        used = np.concatenate([np.arange(6), np.arange(9, 15)])
+        covariance = J @ joint[np.ix_(used, used)] @ J.T
+        return replace(pose, covariance=0.5 * (covariance + covariance.T))
 
     def landmarks(self, gauge: Gauge, indices: Sequence[int] | Index | None = None) -> Array:
         """(m, 3, 3) covariances of some landmarks' positions, all by default, m^2.

@@ -22,10 +22,7 @@ from ..gauge.normals import gauge_normal
 from ..geometry.so3 import Array
 from .inverses import Inverse
 from .projection import along_orbit, independent_columns
-from .relative import RelativePose, relative_pose
-
-# Share of a relative pose's increment that an open direction may move by rounding.
-_STILL = 1e-6
+from .relative import RelativePose, is_still, relative_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +138,7 @@ class EstimateCovariance:
         world_j, rows_j = self.layout.world_from(j, self.R, self.p)
         J = np.concatenate([J_i @ world_i, J_j @ world_j], axis=1)
         rows = np.concatenate([rows_i, rows_j])
-        moved = np.abs(J @ self.U[rows]).max(initial=0.0)
-        if moved <= _STILL * float(np.max(np.abs(J) @ np.abs(self.U[rows]), initial=1e-300)):
+        if is_still(J, self.U[rows]):
             C = self.inverse.across(rows, rows)
         elif gauge is None and isinstance(self.gauge, FreeGauge):
             raise DataError("gauge", "must be given: an open direction (the scale?) moves relative poses")

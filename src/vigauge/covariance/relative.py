@@ -14,6 +14,9 @@ from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
 from ..sparsity.rounding import rounding
 
+# Share of a relative pose's increment that an open direction may move by rounding.
+_STILL = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class MahalanobisTest:
@@ -64,6 +67,11 @@ class RelativePose:
             raise DegenerateError("the covariance of the relative pose is singular: some of it cannot vary")
         squared = float(error / scale @ np.linalg.solve(unit, error / scale))
         return MahalanobisTest(squared, 6, float(chdtrc(6, squared)))
+
+
+def is_still(J: Array, U: Array) -> bool:
+    """Whether no open direction, a column of U (c, d), moves a relative pose with derivative J (6, c)."""
+    return bool(np.abs(J @ U).max(initial=0.0) <= _STILL * np.max(np.abs(J) @ np.abs(U), initial=1e-300))
 
 
 def relative_pose(R_i: Array, p_i: Array, R_j: Array, p_j: Array) -> tuple[RelativePose, Array, Array]:
