@@ -97,7 +97,7 @@ def _too_small(errors: pd.DataFrame) -> str:
         for quantity, part in ratios.groupby("quantity", sort=False)
     )
     names = ", ".join(errors["sequence"].unique())
-    small = "are several times too small; they" if ratios.min() > 2.0 else ""
+    small = "are several times too small; they " if ratios.min() > 2.0 else ""
     return (
         f"At the published noise the predicted sigmas {small}have an rms of error over sigma, keyframe by "
         f"keyframe in the fixed gauge ({names}): {words} (fig_errors)."
