@@ -84,7 +84,7 @@ ACCURACY = (
         "8 digits",
         "mean RMSE equal to 0.5e-8",
         _prior_is_fixation,
-        "At this weight the prior holds the first pose as firmly as fixation.",
+        "Runs stop where the function tolerance ends them, which leaves the ninth decimal open.",
     ),
     Claim(
         "prior-fixation",
