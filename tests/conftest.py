@@ -20,8 +20,17 @@ settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.load_profile("repeatable")
 
 
+# Made once a process, in seconds to minutes: who uses one of them is tested in one process.
+_DEAR = ("smoke_project", "scratch_project", "rendered")
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip, with the reason, what needs real data on a machine that has none."""
+    """Tests of a file, or of one dear fixture, stay in one process. What needs real data is skipped without it."""
+    for item in items:
+        dear = [name for name in _DEAR if name in getattr(item, "fixturenames", ())]
+        group = "smoke_project" if dear and dear[0] != "rendered" else (dear or [item.path.as_posix()])[0]
+        item.add_marker(pytest.mark.xdist_group(group))
     if os.environ.get("EUROC_ROOT"):
         return
     skip = pytest.mark.skip(reason="EUROC_ROOT is not set")
