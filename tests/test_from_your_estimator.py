@@ -1,0 +1,118 @@
+"""The page "From your estimator": its Python as a reader runs it, each answer against the dense inverse."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+import vigauge as vg
+from support import ROOT, foreign
+
+PAGE = (ROOT / "docs" / "from_your_estimator.md").read_text("utf-8")
+
+
+def code_of(title: str, language: str = "python") -> str:
+    """The block of a section."""
+    section = PAGE.split(f"\n## {title}\n")[1].split("\n## ")[0]
+    (code,) = re.findall(rf"^```{language}\n(.*?)^```", section, re.MULTILINE | re.DOTALL)
+    return code
+
+
+def run(title: str) -> dict[str, Any]:
+    names: dict[str, Any] = {}
+    exec(compile(code_of(title), title, "exec"), names)
+    return names
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def save_poses(at: foreign.Estimate) -> None:
+    poses = np.tile(np.eye(4), (len(at.p), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = at.R, at.p
+    np.save("poses.npy", poses)
+
+
+def in_gauge(J: Any, T: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """The dense pseudo-inverse, carried along the orbit to V."""
+    Q = np.eye(len(T)) - T @ np.linalg.solve(V.T @ T, V.T)
+    return Q @ np.linalg.pinv((J.T @ J).toarray(), rcond=1e-12, hermitian=True) @ Q.T
+
+
+def test_sections_and_languages() -> None:
+    assert re.findall(r"^## (.*)$", PAGE, re.MULTILINE) == [
+        "GTSAM",
+        "COLMAP",
+        "Ceres",
+        "Your own information matrix",
+    ]
+
+
+@pytest.mark.oracle
+def test_gtsam(folder: Path) -> None:
+    gtsam = pytest.importorskip("gtsam", reason="needs GTSAM: pip install gtsam")
+    names = run("GTSAM")
+    X, graph = names["X"], names["graph"]
+    prior = gtsam.noiseModel.Isotropic.Sigma(6, 1e-5)
+    graph.add(gtsam.PriorFactorPose3(X(0), gtsam.Pose3(), prior))
+    expected = gtsam.Marginals(graph, names["values"]).marginalCovariance(X(2))
+    assert vg.relative_frobenius(names["block"], expected) < 1e-6  # the prior's own share
+
+
+@pytest.mark.oracle
+def test_colmap(folder: Path) -> None:
+    pytest.importorskip("pycolmap", reason="needs pycolmap: pip install pycolmap")
+    names = run("COLMAP")
+    ids, found = (names["first"], names["second"], names["third"]), names["covariance"]
+    np.testing.assert_allclose(found.block(ids[0], ids[0], names["gauge"]), 0.0, atol=1e-12)
+    # The centre p = -R t by hand: dp = R (2 dq x t) - R dt.
+    R, p, C = names["R"], names["p"], names["block"]
+    J = np.concatenate([2.0 * R @ np.cross(np.eye(3), -R.T @ p).T, -R], axis=1)
+    expected = J @ C @ J.T
+    assert vg.relative_frobenius(names["in_world"][:3, :3], expected) < 1e-9
+
+
+def test_ceres(folder: Path) -> None:
+    layout = vg.Layout.by_keyframe(6, ["position", "rotation"], points=8, side="ceres")
+    at, T, J = foreign.problem(layout, vg.Euclidean(), np.random.default_rng(4))
+    save_poses(at)
+    np.save("points.npy", at.X)
+    J.indptr.astype(np.int32).tofile("rows.bin")
+    J.indices.astype(np.int32).tofile("cols.bin")
+    J.data.tofile("values.bin")
+    V = vg.gauge_normal(layout, (at.R, at.p), vg.CentroidGauge(), group=vg.Euclidean())
+    rows = layout.columns(3)
+    assert vg.relative_frobenius(run("Ceres")["block"], in_gauge(J, T, V)[np.ix_(rows, rows)]) < 1e-8
+
+
+def test_own_matrix(folder: Path) -> None:
+    blocks = ["position", "rotation", "velocity", "bias:6"]
+    layout = vg.Layout.by_keyframe(6, blocks, side="right")
+    at, T, J = foreign.problem(layout, vg.YawTranslation(), np.random.default_rng(5))
+    save_poses(at)
+    np.save("velocities.npy", at.v)
+    scipy.sparse.save_npz("H.npz", (J.T @ J).tocsc())
+    V = vg.gauge_normal(layout, (at.R, at.p), vg.KeyframeGauge(0))
+    rows = layout.columns(3)
+    found = run("Your own information matrix")["block"]
+    assert vg.relative_frobenius(found, in_gauge(J, T, V)[np.ix_(rows, rows)]) < 1e-8
+
+
+def test_cpp_for_ceres_compiles(folder: Path) -> None:
+    """Catches a member of Ceres that does not exist."""
+    if shutil.which("g++") is None or not Path("/usr/include/ceres/ceres.h").exists():
+        pytest.skip("needs g++ and libceres-dev")
+    Path("write.cpp").write_text(code_of("Ceres", "cpp"), encoding="utf-8")
+    command = ["g++", "-std=c++17", "-fsyntax-only", "-I/usr/include/eigen3", "write.cpp"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
