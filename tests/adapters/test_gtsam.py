@@ -65,6 +65,43 @@ def test_poses_are_those_of_marginals() -> None:
         assert vg.relative_frobenius(found.block(X(k), X(k), vg.FixedGauge()), expected) < 1e-8
 
 
+@pytest.mark.parametrize("name", ["pose3example.txt", "pose3example-grid.txt", "noisyToyGraph.txt"])
+def test_graphs_that_ship_with_gtsam(name: str) -> None:
+    """Catches what only our own graphs have: keys from 0, loops, noise without correlation."""
+    graph, values = gtsam.readG2o(gtsam.findExampleDataFile(name), "pose3" in name)
+    first, *others = sorted(graph.keyVector())
+    at, kind, size = (
+        (values.atPose3, gtsam.PriorFactorPose3, 6)
+        if "pose3" in name
+        else (values.atPose2, gtsam.PriorFactorPose2, 3)
+    )
+    found = covariance(graph, values)
+    assert len(found.open) == size and not found.measured
+    graph.add(kind(first, at(first), gtsam.noiseModel.Isotropic.Sigma(size, 0.01)))
+    marginals = gtsam.Marginals(graph, values)
+    for key in others:
+        carried = at(key).between(at(first)).AdjointMap()
+        expected = marginals.marginalCovariance(key) - 0.01**2 * carried @ carried.T
+        assert vg.relative_frobenius(found.block(key, key, vg.KeyframeGauge(first)), expected) < 1e-8
+
+
+def test_robust_weights_and_a_marginalised_factor_count() -> None:
+    """Catches rows without the weights of their loss, and factors that have a Hessian and no rows."""
+    graph, values = pose_graph()
+    loss = gtsam.noiseModel.mEstimator.Huber.Create(0.5)
+    noise = gtsam.noiseModel.Robust.Create(loss, gtsam.noiseModel.Isotropic.Sigma(6, 0.01))
+    graph.add(gtsam.BetweenFactorPose3(X(1), X(7), gtsam.Pose3(), noise))
+    linear = gtsam.NonlinearFactorGraph(graph).linearize(values)
+    graph.add(gtsam.LinearContainerFactor(gtsam.HessianFactor(linear.at(3)), values))
+    graph.add(gtsam.PriorFactorPose3(X(0), values.atPose3(X(0)), gtsam.noiseModel.Isotropic.Sigma(6, 0.1)))
+    expected = gtsam.Marginals(graph, values).marginalCovariance(X(7))
+    assert vg.relative_frobenius(covariance(graph, values).block(X(7), X(7)), expected) < 1e-8
+    without = pose_graph()[0]
+    without.add(gtsam.PriorFactorPose3(X(0), values.atPose3(X(0)), gtsam.noiseModel.Isotropic.Sigma(6, 0.1)))
+    other = gtsam.Marginals(without, values).marginalCovariance(X(7))
+    assert vg.relative_frobenius(other, expected) > 1e-2
+
+
 def test_a_prior_in_the_graph_is_a_measurement() -> None:
     graph, values = pose_graph()
     graph.add(gtsam.PriorFactorPose3(X(0), values.atPose3(X(0)), gtsam.noiseModel.Isotropic.Sigma(6, 0.01)))
@@ -139,6 +176,8 @@ def test_inertial_graph_in_the_free_gauge(tilt: gtsam.Rot3) -> None:
     for a in (X(2), V(2), B(2)):
         for b in (X(4), V(4), B(4), a):
             assert vg.relative_frobenius(found.block(a, b), expected[at[a], at[b]]) < 1e-8
+    poses = found.keyframes(None, [X(2), X(4)], ["rotation", "position"])
+    assert vg.relative_frobenius(poses[1], expected[at[X(4)], at[X(4)]]) < 1e-8
     blocks = found.landmarks(keys=[L(3), L(0)])
     assert vg.relative_frobenius(blocks[0], expected[at[L(3)], at[L(3)]]) < 1e-8
     held = found.in_gauge(vg.KeyframeGauge(X(3))).block(X(3), X(3))
