@@ -15,6 +15,12 @@ _PUBLIC = {
     "example_problem": ("", "a small simulated problem, which comes with the package"),
     "load_problems": ("model.archive", "problems from a file"),
     "save_problems": ("model.archive", "problems into a file"),
+    "save_trajectory": (
+        "model.trajectory_files",
+        "an estimate and its covariance into a TUM, CSV or npz file",
+    ),
+    "load_trajectory": ("model.trajectory_files", "the same from a file"),
+    "Trajectory": ("model.trajectory", "poses with times, sigmas, gauge, frame and side"),
     "Problem": ("model.problem", "measurements, cameras, noise, and the state to start from"),
     "State": ("model.state", "poses and velocities of keyframes, and landmarks"),
     "Camera": ("geometry.camera", "one calibrated camera on the body"),

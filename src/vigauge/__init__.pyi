@@ -53,6 +53,9 @@ from .model.imu import preintegrate as preintegrate
 from .model.problem import InertialFactors as InertialFactors
 from .model.problem import Problem as Problem
 from .model.state import State as State
+from .model.trajectory import Trajectory as Trajectory
+from .model.trajectory_files import load_trajectory as load_trajectory
+from .model.trajectory_files import save_trajectory as save_trajectory
 from .observability.diagnosis import Diagnosis as Diagnosis
 from .observability.diagnosis import Direction as Direction
 from .observability.diagnosis import diagnose as diagnose

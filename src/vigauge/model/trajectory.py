@@ -1,0 +1,194 @@
+"""An estimate to hand on: poses, velocities, times, and what its covariance says and means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import integers, reals, require_rotations, symmetric
+from ..errors import DataError
+from ..geometry.charts import poses_of
+from ..geometry.so3 import Array
+from .first_rotation import chain
+from .state import State
+
+# Axes of each kind of parameter, and their unit.
+AXES = {
+    "position": (("x", "y", "z"), "m"),
+    "rotation": (("rx", "ry", "rz"), "rad"),
+    "velocity": (("vx", "vy", "vz"), "m/s"),
+}
+SIDES = ("left", "right")
+_USUAL_KINDS = {6: ("position", "rotation"), 9: ("position", "rotation", "velocity")}
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """What :func:`vigauge.load_trajectory` gives.
+
+    Attributes
+    ----------
+    p_W : (N, 3) positions, m
+    R_WB : (N, 3, 3) rotations, body to world
+    v_W : (N, 3) velocities in W, m/s, or None
+    times_ns : (N,) integer nanoseconds, increasing, or None
+    covariance : (N, c, c) covariances of single keyframes, in the order of ``kinds``, or None
+    sigma : (N, c) standard deviations; those of ``covariance`` where that is there, or None
+    kinds : what the c axes are, of "position" (m), "rotation" (rad) and "velocity" (m/s), three axes each
+    gauge : name of the gauge that the covariance is in
+    frame : name of the world frame
+    side : of the rotation's increments: "left" (in W) or "right" (in B); positions and velocities are in W
+
+    Raises DataError for shapes that do not fit, times that do not increase, a covariance without the name
+    of its gauge, and an unknown kind or side.
+    """
+
+    p_W: Array
+    R_WB: Array
+    v_W: Array | None = None
+    times_ns: NDArray[np.int64] | None = None
+    covariance: Array | None = None
+    sigma: Array | None = None
+    kinds: tuple[str, ...] = ()
+    gauge: str = ""
+    frame: str = "W"
+    side: str = "left"
+
+    def __post_init__(self) -> None:
+        name = "trajectory"
+        p = reals(name, self.p_W, ("N", 3), field="p_W")
+        R = reals(name, self.R_WB, (len(p), 3, 3), field="R_WB")
+        require_rotations(name, R, field="R_WB")
+        self._set(p_W=p, R_WB=R)
+        if self.v_W is not None:
+            self._set(v_W=reals(name, self.v_W, (len(p), 3), field="v_W"))
+        if self.times_ns is not None:
+            times = integers(name, self.times_ns, (len(p),), field="times_ns")
+            late = np.flatnonzero(times[1:] <= times[:-1])
+            if late.size:
+                row = int(late[0]) + 1
+                raise DataError(name, "must increase", field="times_ns", row=row, value=int(times[row]))
+            self._set(times_ns=times)
+        if self.side not in SIDES:
+            rule = "must be left or right; vg.as_convention brings a covariance to one of these"
+            raise DataError(name, rule, field="side", value=self.side)
+        self._check_uncertainty(len(p))
+
+    def _check_uncertainty(self, count: int) -> None:
+        name = "trajectory"
+        if self.covariance is None and self.sigma is None:
+            if self.kinds or self.gauge:
+                rule = "must come with a covariance: that is what it describes"
+                raise DataError(name, rule, field="gauge", value=self.gauge or self.kinds)
+            return
+        unknown = [kind for kind in self.kinds if kind not in AXES]
+        if unknown or len(set(self.kinds)) != len(self.kinds) or not self.kinds:
+            rule = f"must be different ones of {', '.join(AXES)}"
+            raise DataError(name, rule, field="kinds", value=self.kinds)
+        if not self.gauge:
+            rule = "must be named with a covariance: without it the numbers mean nothing"
+            raise DataError(name, rule, field="gauge")
+        width = 3 * len(self.kinds)
+        if self.covariance is not None:
+            rule = "covariance of keyframes"
+            C = reals(rule, self.covariance, (count, width, width), matrix=True)
+            for row, block in enumerate(C):
+                symmetric(f"{rule}, row {row}", block)
+            variances = np.diagonal(C, axis1=1, axis2=2)
+            self._set(covariance=C, sigma=np.sqrt(np.maximum(variances, 0.0)))
+        sigma = reals(name, self.sigma, (count, width), field="sigma")
+        if sigma.min(initial=0.0) < 0.0:
+            row = int(np.argmin(sigma.min(axis=1)))
+            raise DataError(name, "must not be negative", field="sigma", row=row, value=float(sigma.min()))
+        self._set(sigma=sigma)
+
+    def _set(self, **values: object) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def axes(self) -> list[str]:
+        """Names of the covariance's axes: x, y, z, rx, ..."""
+        return [axis for kind in self.kinds for axis in AXES[kind][0]]
+
+    @property
+    def units(self) -> list[str]:
+        """Unit of each axis."""
+        return [AXES[kind][1] for kind in self.kinds for _ in range(3)]
+
+
+def trajectory_of(
+    estimate: object,
+    covariance: Array | None,
+    *,
+    times_ns: object,
+    gauge: object,
+    frame: str,
+    side: str,
+    kinds: Sequence[str] | None,
+) -> Trajectory:
+    """The Trajectory of what :func:`vigauge.save_trajectory` takes."""
+    if isinstance(estimate, Trajectory):
+        given = {"times_ns": times_ns, "covariance": covariance, "gauge": gauge or None}
+        extra = [name for name, value in given.items() if value is not None]
+        if extra:
+            raise DataError("trajectory", "has its own; use dataclasses.replace", field=", ".join(extra))
+        return estimate
+    v: object = None
+    if isinstance(estimate, State):
+        estimate.require_valid()
+        R, p, v = estimate.R_WB, estimate.p_W, estimate.v_W
+    elif isinstance(estimate, tuple) and len(estimate) == 3:
+        (R, p), v = poses_of(estimate[:2]), estimate[2]
+    else:
+        R, p = poses_of(estimate)
+    if covariance is None:
+        kinds = kinds or ()
+    elif kinds is None:
+        width = np.shape(covariance)[-1] if np.ndim(covariance) == 3 else 0
+        if width not in _USUAL_KINDS:
+            rule = "must be (N, 6, 6) or (N, 9, 9), as covariance.keyframes(gauge) gives; else say kinds="
+            raise DataError("covariance of keyframes", rule, value=np.shape(covariance))
+        kinds = _USUAL_KINDS[width]
+    out = Trajectory(
+        p_W=p,
+        R_WB=R,
+        v_W=v,  # type: ignore[arg-type]
+        times_ns=times_ns,  # type: ignore[arg-type]
+        covariance=covariance,
+        kinds=tuple(kinds),
+        gauge=_gauge_name(gauge),
+        frame=frame,
+        side=side,
+    )
+    return _left_first(out, estimate) if isinstance(estimate, State) else out
+
+
+def _left_first(trajectory: Trajectory, state: State) -> Trajectory:
+    """The first rotation's covariance by left increments, as all others: a State's is by dphi_0, Eq. (9)."""
+    C = trajectory.covariance
+    if C is None:
+        return trajectory
+    if trajectory.side != "left":
+        raise DataError("side", "must be left: that of a State's covariance", value=trajectory.side)
+    if "rotation" not in trajectory.kinds or not len(C):
+        return trajectory
+    J = np.eye(C.shape[1])
+    at = slice(3 * trajectory.kinds.index("rotation"), 3 * trajectory.kinds.index("rotation") + 3)
+    J[at, at] = chain(state)
+    first = J @ C[0] @ J.T
+    return replace(trajectory, covariance=np.concatenate([0.5 * (first + first.T)[None], C[1:]]))
+
+
+def _gauge_name(gauge: object) -> str:
+    """'keyframe:5': a gauge's own name, with its keyframe where it has one."""
+    if isinstance(gauge, str):
+        return gauge
+    name = getattr(gauge, "name", None)
+    if not isinstance(name, str):
+        raise DataError("gauge", "must be a gauge or the name of one", value=gauge)
+    index = getattr(gauge, "index", None)
+    return name if index is None else f"{name}:{index}"
