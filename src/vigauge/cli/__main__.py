@@ -1,4 +1,4 @@
-"""The `vigauge` command: `vigauge check FOLDER`, `vigauge import-rosbag ...`."""
+"""The `vigauge` command: `vigauge check FOLDER`, `vigauge covariance FILE ...`, and others."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from vigauge.errors import MissingExtraError
 # Modules of this folder by the word that calls them, with what each does in a line.
 COMMANDS = {
     "check": ("check_sequence", "check a recording in ASL (EuRoC) layout"),
+    "covariance": ("covariance", "the covariance of an estimate in a gauge, as a file"),
+    "diagnose": ("diagnose", "what the measurements of an estimate determine, in a sentence"),
     "import-rosbag": ("import_rosbag", "turn a rosbag and Kalibr's calibration into an ASL folder"),
 }
 

@@ -10,12 +10,9 @@ import json
 import sys
 from pathlib import Path
 
-from vigauge.cli.command import LOG, parser, run
+from vigauge.cli.command import EXIT_DEFECT, LOG, parser, run
 from vigauge.files import write_json
 from vigauge.recordings.checks.sequence import Window, check_sequence
-
-# sysexits.h: a defect of this program, which must not look like a warning about the data.
-_EXIT_DEFECT = 70
 
 
 def work(options: argparse.Namespace) -> None:
@@ -70,7 +67,7 @@ def main() -> None:
     arguments.add_argument(
         "--accept-errors", action="store_true", help="exit status 0, and the file, whatever is found"
     )
-    run(work, arguments, defect_status=_EXIT_DEFECT)
+    run(work, arguments, defect_status=EXIT_DEFECT)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,8 @@ from threadpoolctl import threadpool_limits
 from ..errors import OutputError, VigaugeError
 
 EXIT_BAD_INPUT = 2
+# sysexits.h: a defect of this program, which must not look like a finding about the data.
+EXIT_DEFECT = 70
 
 # The commands' own messages; libraries (fonts, images) are heard from warnings on.
 LOG = logging.getLogger("vigauge")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import integers, reals, require_rotations, symmetric
+from ..arrays import integers, reals, require_rotations
 from ..errors import DataError
 from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
@@ -23,6 +23,10 @@ AXES = {
 }
 SIDES = ("left", "right")
 _USUAL_KINDS = {6: ("position", "rotation"), 9: ("position", "rotation", "velocity")}
+
+_COVARIANCE = "covariance of keyframes"
+# Largest difference of entries that ought to be equal, next to the largest sigmas of the two axes.
+_ASYMMETRY = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +97,7 @@ class Trajectory:
             raise DataError(name, rule, field="gauge")
         width = 3 * len(self.kinds)
         if self.covariance is not None:
-            rule = "covariance of keyframes"
-            C = reals(rule, self.covariance, (count, width, width), matrix=True)
-            for row, block in enumerate(C):
-                symmetric(f"{rule}, row {row}", block)
+            C = _symmetric(reals(_COVARIANCE, self.covariance, (count, width, width), matrix=True))
             variances = np.diagonal(C, axis1=1, axis2=2)
             self._set(covariance=C, sigma=np.sqrt(np.maximum(variances, 0.0)))
         sigma = reals(name, self.sigma, (count, width), field="sigma")
@@ -151,7 +152,7 @@ def trajectory_of(
         width = np.shape(covariance)[-1] if np.ndim(covariance) == 3 else 0
         if width not in _USUAL_KINDS:
             rule = "must be (N, 6, 6) or (N, 9, 9), as covariance.keyframes(gauge) gives; else say kinds="
-            raise DataError("covariance of keyframes", rule, value=np.shape(covariance))
+            raise DataError(_COVARIANCE, rule, value=np.shape(covariance))
         kinds = _USUAL_KINDS[width]
     out = Trajectory(
         p_W=p,
@@ -192,3 +193,24 @@ def _gauge_name(gauge: object) -> str:
         raise DataError("gauge", "must be a gauge or the name of one", value=gauge)
     index = getattr(gauge, "index", None)
     return name if index is None else f"{name}:{index}"
+
+
+def _symmetric(C: Array) -> Array:
+    """(N, c, c) covariances without their rounding; DataError where it is more than that.
+
+    Measured by the largest sigma of each axis: where a gauge holds a keyframe, its own is only rounding.
+    """
+    variances = np.diagonal(C, axis1=1, axis2=2)
+    size = np.sqrt(np.abs(variances).max(axis=0, initial=0.0))
+    size = np.maximum(size, 1e-3 * size.max(initial=0.0))
+    negative = np.flatnonzero((variances < -_ASYMMETRY * size**2).any(axis=1))
+    if negative.size:
+        row = int(negative[0])
+        value = float(variances[row].min())
+        raise DataError(_COVARIANCE, "must have a diagonal without negative entries", row=row, value=value)
+    difference = np.abs(C - C.swapaxes(1, 2))
+    skew = np.flatnonzero((difference > _ASYMMETRY * np.outer(size, size)).any(axis=(1, 2)))
+    if skew.size:
+        row = int(skew[0])
+        raise DataError(_COVARIANCE, "must be symmetric", row=row, value=float(difference[row].max()))
+    return 0.5 * (C + C.swapaxes(1, 2))

@@ -1,0 +1,104 @@
+"""The covariance of an estimate in the gauge you want, as sigmas (.csv) or whole (.npz)."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg
+
+from vigauge.cli.command import EXIT_DEFECT, LOG, parser, run
+from vigauge.cli.estimate_file import EXIT_WITHHELD, Information, add_arguments, read, state_of
+from vigauge.covariance.covariance import Covariance
+from vigauge.errors import DataError, DegenerateError, SolverError
+from vigauge.gauge.gauges import CentroidGauge, FixedGauge, FreeGauge, Gauge, KeyframeGauge
+from vigauge.model.problem import Problem
+from vigauge.model.trajectory_files import save_trajectory
+from vigauge.observability.diagnosis import diagnose_equations
+
+_GAUGES: dict[str, Gauge] = {"first": FixedGauge(), "centroid": CentroidGauge(), "free": FreeGauge()}
+_KINDS = ("position", "rotation", "velocity")
+_OF = {"poses": _KINDS[:2], "velocities": _KINDS[2:], "all": _KINDS}
+
+
+def work(options: argparse.Namespace) -> None:
+    gauge = _gauge(options.gauge)
+    if options.out.suffix.lower() not in (".csv", ".npz"):
+        raise DataError("--out", "must end in .csv or .npz", value=str(options.out))
+    given = read(options.file, options.problem)
+    write = _of_information if isinstance(given, Information) else _of_problem
+    try:
+        write(given, gauge, options)  # type: ignore[arg-type]
+    except SolverError as error:
+        LOG.error("covariance withheld: %s", error)
+        sys.exit(EXIT_WITHHELD)
+    LOG.info("%s: covariance of %s in the gauge '%s'", options.out, options.of, options.gauge)
+
+
+def _of_problem(problem: Problem, gauge: Gauge, options: argparse.Namespace) -> None:
+    state = state_of(problem, at_start=options.at_start)
+    covariance = Covariance.of(problem, state)
+    withheld = diagnose_equations(covariance.equations, problem, state).withheld
+    if withheld:
+        raise DegenerateError(withheld)
+    kinds = _OF[options.of]
+    of = np.concatenate([3 * _KINDS.index(kind) + np.arange(3) for kind in kinds])
+    blocks = covariance.keyframes(gauge)[:, of[:, None], of]
+    save_trajectory(options.out, state, blocks, gauge=options.gauge, kinds=kinds)
+
+
+def _of_information(given: Information, gauge: Gauge, options: argparse.Namespace) -> None:
+    layout = given.layout
+    there = [kind for kind in _OF[options.of] if kind in layout.blocks]
+    kinds = there if options.of == "all" else list(_OF[options.of])
+    for kind in kinds or _KINDS[:1]:
+        if kind not in layout.blocks or layout.blocks[kind].shape[1] != 3:
+            raise DataError(options.file, "must name three columns a keyframe for this", field=kind)
+    covariance = Covariance.from_hessian(given.H, **given.estimate)
+    blocks = covariance.keyframes(gauge, kinds=kinds)
+    if "rotation" in kinds or "position" in kinds:
+        blocks = _by_increments_in_world(blocks, given, kinds)
+    estimate = (given.R, given.p) if given.velocities is None else (given.R, given.p, given.velocities)
+    save_trajectory(options.out, estimate, blocks, times_ns=given.times_ns, gauge=options.gauge, kinds=kinds)
+
+
+def _by_increments_in_world(blocks: np.ndarray, given: Information, kinds: list[str]) -> np.ndarray:
+    """(N, c, c) covariances by increments in W, of those by the layout's own chart."""
+    if kinds[:2] != ["position", "rotation"]:
+        raise DataError("rotation", "must come with position: charts mix the two")
+    world = np.linalg.inv(given.layout.chart.from_world(given.R, given.p))
+    rest = np.eye(3 * len(kinds) - 6)
+    J = np.stack([scipy.linalg.block_diag(A, rest) for A in world])
+    out: np.ndarray = J @ blocks @ J.swapaxes(1, 2)
+    return out
+
+
+def _gauge(text: str) -> Gauge:
+    word, _, key = text.partition(":")
+    if word == "keyframe" and key.isascii() and key.isdigit():
+        return KeyframeGauge(int(key))
+    if text not in _GAUGES:
+        raise DataError("--gauge", f"must be {', '.join(_GAUGES)} or keyframe:K", value=text)
+    return _GAUGES[text]
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    add_arguments(arguments)
+    arguments.add_argument(
+        "--gauge", required=True, help="first, centroid, free, or keyframe:K: whose pose has no error"
+    )
+    arguments.add_argument("--of", choices=list(_OF), default="poses", help="default: poses")
+    arguments.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="sigmas (.csv), or covariances (.npz); left increments, m, rad",
+    )
+    run(work, arguments, defect_status=EXIT_DEFECT)
+
+
+if __name__ == "__main__":
+    main()

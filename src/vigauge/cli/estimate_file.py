@@ -1,0 +1,172 @@
+"""What `vigauge covariance` and `vigauge diagnose` are asked about: a problem, or an information matrix."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+
+from vigauge.arrays import integers, reals
+from vigauge.errors import DataError, SolverError
+from vigauge.gauge.gauges import FreeGauge
+from vigauge.gauge.group import Euclidean, Group, Similarity, YawTranslation
+from vigauge.gauge.layout import Layout
+from vigauge.model.archive import load_arrays, load_problems
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.solver.levenberg_marquardt import solve
+
+# Exit status where the answer is that a covariance would mean nothing.
+EXIT_WITHHELD = 1
+
+_GROUPS: dict[str, Group] = {
+    "yaw-translation": YawTranslation(),
+    "euclidean": Euclidean(),
+    "similarity": Similarity(),
+}
+_MOVING = ("position", "rotation", "velocity")
+_HELP = """\
+FILE is what vg.save_problems writes, or an .npz archive with an information matrix:
+  H                        (n, n), without damping; or its CSR parts H_data, H_indices, H_indptr
+  position, rotation,      (N, 3) columns of H of each keyframe; -1 where it has none;
+  velocity                 velocity may be left out, and so may all that follows but R_WB and p_W
+  other.NAME               (N, c) columns of what does not move with the gauge, such as biases
+  points                   (K, 3) columns of landmarks
+  side                     text: left, right, gtsam, se3, colmap, ceres, g2o, as in vg.Layout; default left
+  R_WB, p_W, v_W, X_W      the estimate: (N, 3, 3), (N, 3), (N, 3), (K, 3)
+  group                    text: yaw-translation (default), euclidean, similarity
+  gravity                  (3,) direction in W; default (0, 0, -1)
+  times_ns                 (N,) integer nanoseconds
+
+exit status: 0, 1 where the covariance is withheld, 2 for bad input, 70 for a defect of the program"""
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """An information matrix, the estimate it belongs to, and the motions that may not be seen."""
+
+    H: Any
+    layout: Layout
+    R: np.ndarray
+    p: np.ndarray
+    velocities: np.ndarray | None
+    points: np.ndarray | None
+    group: Group
+    gravity: np.ndarray | None
+    times_ns: np.ndarray | None
+
+    @property
+    def estimate(self) -> dict[str, Any]:
+        """Arguments that the library's functions on layouts share."""
+        return {
+            "layout": self.layout,
+            "poses": (self.R, self.p),
+            "velocities": self.velocities,
+            "points": self.points,
+            "group": self.group,
+            "gravity": self.gravity,
+        }
+
+
+def add_arguments(arguments: argparse.ArgumentParser) -> None:
+    arguments.formatter_class = argparse.RawDescriptionHelpFormatter
+    arguments.epilog = _HELP
+    arguments.add_argument("file", type=Path, metavar="FILE", help="problem.npz or H.npz, see below")
+    arguments.add_argument("--problem", type=int, default=0, metavar="I", help="which of a file; default: 0")
+    arguments.add_argument(
+        "--at-start", action="store_true", help="ask at the state a problem starts from; default: solve first"
+    )
+
+
+def read(path: Path, number: int) -> Problem | Information:
+    """A problem or an information matrix; DataError for a file with neither, or a broken one."""
+    arrays = load_arrays(path)
+    if "kind" in arrays:
+        problems = load_problems(path)
+        if not 0 <= number < len(problems):
+            raise DataError(path, f"has {len(problems)} problems, from 0", field="--problem", value=number)
+        return problems[number]
+    try:
+        return _information(arrays)
+    except DataError as error:
+        rule = f"{error.file}: {error.rule}"
+        raise DataError(path, rule, row=error.row, field=error.field, value=error.value) from error
+
+
+def state_of(problem: Problem, *, at_start: bool) -> State:
+    """The estimate; SolverError where the run does not converge."""
+    if at_start:
+        return problem.initial
+    solution = solve(problem, FreeGauge())
+    if not solution.converged:
+        raise SolverError(
+            f"the run did not converge ({solution.status}): no estimate; --at-start asks at the start"
+        )
+    return solution.state
+
+
+def _information(arrays: Mapping[str, np.ndarray]) -> Information:
+    arrays = dict(arrays)
+    H = _matrix(arrays)
+    names = [name for name in arrays if name in _MOVING or name.startswith("other.")]
+    blocks = {name.removeprefix("other."): arrays.pop(name) for name in names}
+    layout = Layout(
+        H.shape[0], blocks, arrays.pop("points", np.empty((0, 3), np.int64)), _text(arrays, "side", "left")
+    )
+    group = _text(arrays, "group", "yaw-translation")
+    if group not in _GROUPS:
+        raise DataError("group", f"must be one of {', '.join(_GROUPS)}", value=group)
+    R, p = (_needed(arrays, name) for name in ("R_WB", "p_W"))
+    out = Information(
+        H,
+        layout,
+        R,
+        p,
+        arrays.pop("v_W", None),
+        arrays.pop("X_W", None),
+        _GROUPS[group],
+        arrays.pop("gravity", None),
+        arrays.pop("times_ns", None),
+    )
+    if arrays:
+        raise DataError("array", "is none that --help lists", field=next(iter(arrays)))
+    return out
+
+
+def _matrix(arrays: dict[str, np.ndarray]) -> Any:
+    if "H" in arrays:
+        H = arrays.pop("H")
+        return reals("H", H, (len(np.atleast_1d(H)),) * 2, matrix=True)
+    if "H_data" not in arrays:
+        rule = "must be present, dense or as H_data, H_indices, H_indptr; or save a problem: vg.save_problems"
+        raise DataError("array", rule, field="H")
+    parts = [_needed(arrays, name) for name in ("H_data", "H_indices", "H_indptr")]
+    data = reals("H_data", parts[0], ("nnz",), matrix=True)
+    indices, starts = (
+        integers(n, a, ("m",)) for n, a in zip(("H_indices", "H_indptr"), parts[1:], strict=True)
+    )
+    n = len(starts) - 1
+    try:
+        H = scipy.sparse.csr_array((data, indices, starts), shape=(n, n))
+        H.check_format(full_check=True)
+    except ValueError as error:
+        raise DataError("H_indptr", f"must be the CSR form of a square matrix: {error}") from error
+    return H
+
+
+def _needed(arrays: dict[str, np.ndarray], name: str) -> np.ndarray:
+    if name not in arrays:
+        raise DataError("array", "must be present", field=name)
+    return arrays.pop(name)
+
+
+def _text(arrays: dict[str, np.ndarray], name: str, default: str) -> str:
+    value = arrays.pop(name, np.array(default))
+    if value.dtype.kind != "U" or value.ndim:
+        raise DataError(name, "must be one text", value=value)
+    return str(value)
