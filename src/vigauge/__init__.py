@@ -80,6 +80,8 @@ _PUBLIC = {
     "diagnose_hessian": ("observability.diagnosis", "the same of any information matrix"),
     "Diagnosis": ("observability.diagnosis", "the answer, with a sentence"),
     "Direction": ("observability.diagnosis", "one kind of unobservable direction"),
+    "audit": ("observability.audit", "what looks wrong with an information matrix from elsewhere"),
+    "Concern": ("observability.audit", "one such finding, with a sentence"),
     "trajectory_errors": ("model.evaluation", "RMSE of an estimate against the truth"),
     "TrajectoryErrors": ("model.evaluation", "position, rotation and velocity RMSE"),
     "relative_frobenius": ("model.evaluation", "how far two covariances are apart"),

@@ -56,6 +56,8 @@ from .model.state import State as State
 from .model.trajectory import Trajectory as Trajectory
 from .model.trajectory_files import load_trajectory as load_trajectory
 from .model.trajectory_files import save_trajectory as save_trajectory
+from .observability.audit import Concern as Concern
+from .observability.audit import audit as audit
 from .observability.diagnosis import Diagnosis as Diagnosis
 from .observability.diagnosis import Direction as Direction
 from .observability.diagnosis import diagnose as diagnose

@@ -117,6 +117,10 @@ def test_diagnose_says_what_is_observable(tmp_path: Path, example: Path) -> None
     done = command("diagnose", path)
     assert done.returncode == 0
     assert "regular" in done.stdout and "expected directions" not in done.stdout
+    arrays = information()
+    np.savez(path, **(arrays | {"H": arrays["H"] + 1e-4 * np.eye(len(arrays["H"]))}))
+    done = command("diagnose", path)
+    assert done.returncode == 0 and "a damping of 1.0e-04 on the diagonal is left in H" in done.stdout, done
 
 
 def test_what_is_degenerate_is_withheld(tmp_path: Path) -> None:

@@ -1,4 +1,7 @@
-"""Say in a sentence what the measurements of an estimate determine, and what they do not, and why."""
+"""Say what the measurements of an estimate determine, what they do not, and why.
+
+Of an information matrix, also what looks wrong with it, a line each.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from vigauge.cli.estimate_file import EXIT_WITHHELD, Information, add_arguments,
 from vigauge.errors import SolverError
 from vigauge.gauge.layout import null_space
 from vigauge.model.problem import Problem
+from vigauge.observability.audit import audit
 from vigauge.observability.diagnosis import diagnose, diagnose_hessian
 
 
@@ -34,7 +38,8 @@ def _finding(given: Problem | Information, *, at_start: bool) -> tuple[str, bool
         blocks["points"] = given.layout.points.ravel()
     # In the plane a shift along z moves nothing.
     found = diagnose_hessian(given.H, U[:, U.any(axis=0)], blocks)
-    return found.sentence, found.degenerate
+    concerns = audit(given.H, **given.estimate)
+    return "\n".join([found.sentence, *map(str, concerns)]), found.degenerate
 
 
 def main() -> None:

@@ -1,0 +1,230 @@
+"""What is often wrong with an information matrix from elsewhere, in a sentence each.
+
+All but one of these faults show in the same place: H U, which is zero where U are the directions that no
+measurement sees. Damping leaves a multiple of the diagonal there, another chart or unit makes it zero for
+another U, a prior leaves the rows of its keyframe, and a lost block those of the two that it joined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+
+from ..arrays import sparse_symmetric, symmetric
+from ..gauge.group import Group
+from ..gauge.layout import Index, Layout, null_space
+from ..geometry.charts import CHARTS
+from ..geometry.so3 import Array
+from ..sparsity.rounding import rounding
+
+# A diagonal over more decades than this hides its small entries below the rounding of its large ones.
+_DECADES = 12.0
+# Largest part of H U that an explanation may leave unexplained.
+_UNEXPLAINED = 1e-4
+# Information beyond that of a usual keyframe at which a column counts as held.
+_HELD = 100.0
+_POSE = 6
+# Units that H may have in place of the estimate's, by how many of them make one of its own.
+_LENGTHS = {"millimetres": 1e3, "centimetres": 1e2, "kilometres": 1e-3}
+_DEGREE = 180.0 / np.pi
+
+
+@dataclass(frozen=True)
+class Concern:
+    """One finding: ``kind`` is "spread", "damping", "chart", "units", "prior" or "block"."""
+
+    kind: str
+    sentence: str
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+def audit(
+    H: Any,
+    layout: Layout,
+    poses: object,
+    velocities: Array | None = None,
+    points: Array | None = None,
+    *,
+    group: Group | None = None,
+    gravity: object = None,
+) -> tuple[Concern, ...]:
+    """What looks wrong with an information matrix, each in a sentence; nothing where nothing does.
+
+    Takes what ``Covariance.from_hessian`` takes. Finds damping left in, another chart or unit than the
+    layout's, a prior on one keyframe (and whether it holds more than is free), a lost block between two
+    keyframes or points, and a diagonal too wide for thresholds on the matrix as it stands. Absolute
+    measurements of several keyframes are no fault.
+
+    Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric.
+    """
+    sparse = scipy.sparse.issparse(H)
+    H = sparse_symmetric("H", H, layout.n) if sparse else symmetric("H", H, layout.n)
+    diagonal = H.diagonal()
+    out = list(_spread(diagonal, layout))
+
+    def tangent(of: Layout) -> Array:
+        return null_space(of, poses, velocities, points, group=group, gravity=gravity)
+
+    U = tangent(layout)
+    found = _Leak.of(H, diagonal, U)
+    if found.seen:
+        damping = _damping(found, diagonal)
+        other = damping or _other_tangent(H, diagonal, found.seen, layout, U, tangent)
+        out += other or _prior(H, found, diagonal, layout) or _lost_block(H, found, layout)
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class _Leak:
+    """D H D N, with D H D of unit diagonal and N an orthonormal basis of D^-1 U; ``seen`` counts N."""
+
+    N: Array
+    along: Array
+    scale: Array
+    seen: int
+
+    @classmethod
+    def of(cls, H: Any, diagonal: Array, U: Array) -> _Leak:
+        scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        T = U[:, U.any(axis=0)] / scale[:, None]
+        N, sizes, _ = np.linalg.svd(T / np.linalg.norm(T, axis=0), full_matrices=False)
+        N = N[:, sizes > rounding(len(N))]
+        along = scale[:, None] * (H @ (scale[:, None] * N))
+        return cls(N, along, scale, int(np.sum(np.linalg.eigvalsh(N.T @ along) > rounding(len(N)))))
+
+
+def _spread(diagonal: Array, layout: Layout) -> Iterator[Concern]:
+    measured = np.flatnonzero(diagonal > 0.0)
+    if not measured.size:
+        return
+    low, high = (int(measured[f(diagonal[measured])]) for f in (np.argmin, np.argmax))
+    decades = np.log10(diagonal[high]) - np.log10(diagonal[low])
+    if decades > _DECADES:
+        yield Concern(
+            "spread",
+            f"the diagonal of H spans {decades:.0f} decades, from {diagonal[low]:.0e} ({layout.name_of(low)})"
+            f" to {diagonal[high]:.0e} ({layout.name_of(high)}): a rank or pseudo-inverse of H as it stands"
+            " takes the small for zero; choose units alike, or scale H to a unit diagonal first",
+        )
+
+
+def _damping(found: _Leak, diagonal: Array) -> list[Concern]:
+    """H U = lambda diag(H) U, or lambda U, for all of U."""
+    if found.seen < found.N.shape[1]:
+        return []
+    for M, what in ((np.ones(len(diagonal)), "of the diagonal"), (found.scale**2, "on the diagonal")):
+        MN = M[:, None] * found.N
+        factor = float(np.sum(MN * found.along) / np.sum(MN * MN))
+        if np.linalg.norm(found.along - factor * MN) < _UNEXPLAINED * np.linalg.norm(found.along):
+            return [
+                Concern(
+                    "damping",
+                    f"a damping of {factor:.1e} {what} is left in H, which is why all"
+                    f" {found.seen} directions of the gauge look measured: take H without it",
+                )
+            ]
+    return []
+
+
+def _other_tangent(
+    H: Any, diagonal: Array, seen: int, layout: Layout, U: Array, tangent: Any
+) -> list[Concern]:
+    """Other charts and units, of which H does not see the directions."""
+    lengths = np.concatenate(
+        [layout.blocks[kind].ravel() for kind in ("position", "velocity") if kind in layout.blocks]
+        + [layout.points.ravel()]
+    )
+    turns = layout.blocks["rotation"].ravel() if "rotation" in layout.blocks else lengths[:0]
+    units = [(lengths, factor, f"lengths of H are in {name}") for name, factor in _LENGTHS.items()]
+    units.append((turns, _DEGREE, "rotations of H are in degrees"))
+    for columns, factor, text in units:
+        other = U.copy()
+        other[columns[columns >= 0]] *= factor
+        if not _Leak.of(H, diagonal, other).seen:
+            sentence = f"{text}, where the estimate is in metres and radians: bring both to one unit"
+            return [Concern("units", sentence)]
+    for side, chart in CHARTS.items():
+        if chart != layout.chart and not _Leak.of(H, diagonal, tangent(replace(layout, side=side))).seen:
+            sentence = (
+                f"poses of H are perturbed as in side='{side}', not '{layout.side}' as the layout says:"
+                f" {seen} directions look measured that are not"
+            )
+            return [Concern("chart", sentence)]
+    return []
+
+
+def _places(found: _Leak, layout: Layout) -> list[Index]:
+    """Columns of each keyframe or point, or column without a name, where H U is not zero."""
+    nodes = layout.nodes
+    size = np.sqrt(np.bincount(nodes, np.sum(found.along**2, axis=1)))
+    return [np.flatnonzero(nodes == node) for node in np.flatnonzero(size > _UNEXPLAINED * size.max())]
+
+
+def _prior(H: Any, found: _Leak, diagonal: Array, layout: Layout) -> list[Concern]:
+    places = _places(found, layout)
+    if len(places) != 1:
+        return []
+    name = _name(layout, places[0])
+    sentence = (
+        f"all that H has along {found.seen} directions of the gauge comes from a prior on {name}: where it"
+        " was not measured, leave it out of H and ask for the covariance in that keyframe's gauge"
+    )
+    held, free = _held(H, places[0], diagonal, layout), found.N.shape[1]
+    if held > free:
+        sentence += (
+            f"; it holds {held} directions where {free} are free, so what was measured of the others (roll"
+            " and pitch, of a visual-inertial estimate) is overruled and sigmas come out too small"
+        )
+    elif free < _POSE:  # a weaker prior cannot be told from measurements
+        sentence += f"; if it holds all {_POSE} of the pose, where {free} are free, sigmas are too small"
+    return [Concern("prior", sentence)]
+
+
+def _held(H: Any, place: Index, diagonal: Array, layout: Layout) -> int:
+    """Directions of one pose with far more information than columns of their kind have elsewhere."""
+    usual = np.zeros(layout.n)
+    for kind in ("position", "rotation"):
+        columns = layout.blocks.get(kind, np.empty((0, 0), np.int64))
+        columns = columns[columns >= 0]
+        if columns.size:
+            usual[columns] = np.median(diagonal[columns])
+    pose = place[usual[place] > 0.0]
+    size = np.sqrt(usual[pose])
+    return int(np.sum(np.linalg.eigvalsh(_dense(H, pose, pose) / np.outer(size, size)) > _HELD))
+
+
+def _lost_block(H: Any, found: _Leak, layout: Layout) -> list[Concern]:
+    places = _places(found, layout)
+    if len(places) != 2:
+        return []
+    i, j = places
+    if np.any(_dense(H, i, j)):
+        return []
+    # Of a lost block B: H U is -B U_j at i and -B^T U_i at j. Two priors would not fit together so.
+    at_i, at_j = found.N[i].T @ found.along[i], found.N[j].T @ found.along[j]
+    if np.abs(at_i - at_j.T).max() > _UNEXPLAINED * np.abs(at_i).max():
+        return []
+    return [
+        Concern(
+            "block",
+            f"the block of H between {_name(layout, i)} and {_name(layout, j)} is empty, and what H U has"
+            " there is what it would take away: it was lost on the way",
+        )
+    ]
+
+
+def _dense(H: Any, rows: Index, columns: Index) -> Array:
+    block = H[rows][:, columns]
+    out: Array = block.toarray() if scipy.sparse.issparse(block) else block
+    return out
+
+
+def _name(layout: Layout, columns: Index) -> str:
+    """'keyframe 3', 'point 7', 'column 12'."""
+    return layout.name_of(int(columns[0])).split(" of ")[-1]

@@ -1,0 +1,117 @@
+"""The audit of an information matrix: each fault put in by hand is named, and a sound matrix has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+import vigauge as vg
+from support.foreign import Estimate, problem
+from vigauge.gauge.group import Group
+
+GROUPS: list[Group] = [vg.YawTranslation(), vg.Euclidean(), vg.Similarity()]
+
+
+def sound(side: str = "right", group: Group | None = None) -> tuple[np.ndarray, vg.Layout, Estimate]:
+    layout = vg.Layout.by_keyframe(6, ["rotation", "position", "velocity"], points=5, side=side)
+    at, _, J = problem(layout, group or vg.YawTranslation(), np.random.default_rng(3))
+    H = (J.T @ J).toarray()
+    return 0.5 * (H + H.T), layout, at
+
+
+def kinds(H: object, layout: vg.Layout, at: Estimate, group: Group | None = None) -> list[str]:
+    return [concern.kind for concern in vg.audit(H, layout, *at.args, group=group)]
+
+
+@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize("side", ["left", "right", "gtsam", "se3", "colmap", "ceres", "g2o"])
+def test_a_sound_matrix_has_no_concern(side: str, group: Group) -> None:
+    H, layout, at = sound(side, group)
+    assert kinds(H, layout, at, group) == []
+    assert kinds(scipy.sparse.csr_array(H), layout, at, group) == []
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e-2])
+@pytest.mark.parametrize(("of", "words"), [("diagonal", "of the diagonal"), ("one", "on the diagonal")])
+def test_damping(factor: float, of: str, words: str) -> None:
+    H, layout, at = sound()
+    damped = H + factor * (np.diag(np.diag(H)) if of == "diagonal" else np.eye(len(H)))
+    (concern,) = vg.audit(damped, layout, *at.args)
+    share = factor / (1.0 + factor) if of == "diagonal" else factor
+    assert concern.kind == "damping" and f"{share:.1e} {words}" in concern.sentence
+
+
+@pytest.mark.parametrize("truth", ["left", "right", "gtsam", "colmap", "ceres", "g2o"])
+@pytest.mark.parametrize("told", ["left", "gtsam"])
+def test_another_chart(truth: str, told: str) -> None:
+    H, layout, at = sound(truth)
+    found = vg.audit(H, replace(layout, side=told), *at.args)
+    assert [concern.kind for concern in found] == ([] if truth == told else ["chart"])
+    assert all(f"side='{truth}', not '{told}'" in str(concern) for concern in found)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("millimetres", 1e3), ("degrees", 180.0 / np.pi)])
+def test_other_units(unit: str, factor: float) -> None:
+    H, layout, at = sound()
+    D = np.ones(len(H))
+    turns = layout.blocks["rotation"].ravel()
+    D[turns if unit == "degrees" else np.setdiff1d(np.arange(len(H)), turns)] = 1.0 / factor
+    (concern,) = vg.audit(D[:, None] * H * D, layout, *at.args)
+    assert concern.kind == "units" and unit in concern.sentence
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("count", [6, 4])
+def test_a_prior_that_holds_more_than_is_free(side: str, count: int) -> None:
+    """Six directions of one pose where four are free; position and yaw alone hold no more than that.
+
+    Catches columns that are counted: yaw about W is in three columns of an increment in B.
+    """
+    H, layout, at = sound(side)
+    turn = np.eye(3) if side == "left" else at.R[2]
+    J = np.zeros((count, layout.n))
+    J[:3, layout.columns(2, "position")] = np.eye(3)
+    J[3:, layout.columns(2, "rotation")] = turn[::-1][: count - 3]
+    for matrix in (H + 1e6 * J.T @ J, scipy.sparse.csr_array(H + 1e6 * J.T @ J)):
+        (concern,) = vg.audit(matrix, layout, *at.args)
+        assert concern.kind == "prior" and "a prior on keyframe 2" in concern.sentence
+        assert ("holds 6 directions where 4 are free" in concern.sentence) is (count == 6)
+
+
+def test_a_lost_block() -> None:
+    H, layout, at = sound()
+    i, j = layout.columns(3), layout.columns(4)
+    H[np.ix_(i, j)] = H[np.ix_(j, i)] = 0.0
+    for matrix in (H, scipy.sparse.csc_array(H)):
+        (concern,) = vg.audit(matrix, layout, *at.args)
+        assert concern.kind == "block" and "between keyframe 3 and keyframe 4 is empty" in concern.sentence
+
+
+def test_absolute_measurements_are_no_fault() -> None:
+    """Positions of two keyframes that nothing joins directly, and of three."""
+    for keyframes in ((0, 5), (0, 2, 5)):
+        H, layout, at = sound()
+        for number, k in enumerate(keyframes):
+            columns = layout.columns(k, "position")
+            H[columns, columns] += 4.0 + number
+        assert kinds(H, layout, at) == []
+
+
+def test_a_wide_diagonal() -> None:
+    layout = vg.Layout.by_keyframe(6, ["rotation", "position", "bias:3"])
+    at, _, J = problem(layout, vg.YawTranslation(), np.random.default_rng(3))
+    D = np.ones(layout.n)
+    D[layout.blocks["bias"]] = 1e-7
+    (concern,) = vg.audit(D[:, None] * (J.T @ J).toarray() * D, layout, (at.R, at.p))
+    assert concern.kind == "spread" and "bias of keyframe" in concern.sentence
+
+
+def test_bad_input_is_refused() -> None:
+    H, layout, at = sound()
+    with pytest.raises(vg.DataError, match="symmetric"):
+        vg.audit(np.triu(H), layout, *at.args)
+    with pytest.raises(vg.DataError, match="velocities: must be given"):
+        vg.audit(H, layout, (at.R, at.p), None, at.X)
