@@ -138,6 +138,8 @@ def test_rounding_where_a_gauge_holds_is_no_asymmetry(tmp_path: Path, state: vg.
         ({"covariance": np.tile(np.eye(6) + np.eye(6, k=1), (10, 1, 1))}, "row 0: must be symmetric"),
         ({"covariance": np.tile(np.eye(6), (9, 1, 1))}, r"shape \(10, 6, 6\)"),
         ({"kinds": ["position", "bias"]}, "must be different ones of position, rotation, velocity"),
+        ({"frame": 3}, "frame: must be a printable name"),
+        ({"gauge": "a\nb"}, "gauge: must be a printable name"),
         ({"side": "gtsam"}, "must be left or right"),
         ({"times_ns": np.arange(10.0)}, "must be integers"),
         ({"times_ns": [0, 1, 2, 3, 3, 5, 6, 7, 8, 9]}, r"row 4, times_ns: must increase \(found 3\)"),

@@ -76,6 +76,9 @@ class Trajectory:
                 row = int(late[0]) + 1
                 raise DataError(name, "must increase", field="times_ns", row=row, value=int(times[row]))
             self._set(times_ns=times)
+        for field, text in (("frame", self.frame), ("gauge", self.gauge)):
+            if not isinstance(text, str) or not text.isprintable():  # a line break would not come back
+                raise DataError(name, "must be a printable name", field=field, value=text)
         if self.side not in SIDES:
             rule = "must be left or right; vg.as_convention brings a covariance to one of these"
             raise DataError(name, rule, field="side", value=self.side)
