@@ -26,7 +26,7 @@ _DEAR = ("smoke_project", "scratch_project", "rendered")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests of a file, or of one dear fixture, stay in one process. What needs real data is skipped without it."""
+    """Keep tests of a file, or of one dear fixture, in one process; skip real data where there is none."""
     for item in items:
         dear = [name for name in _DEAR if name in getattr(item, "fixturenames", ())]
         group = "smoke_project" if dear and dear[0] != "rendered" else (dear or [item.path.as_posix()])[0]
