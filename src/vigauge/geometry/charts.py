@@ -54,11 +54,11 @@ class Chart:
 
 
 CHARTS = {
-    # p + dp, Exp(dphi) R: our own.
+    # p + dp, Exp(dphi) R: our own, OKVIS, Basalt.
     "left": Chart("left"),
     # geometry_msgs/PoseWithCovariance: turns about the fixed axes of the frame, after the position.
     "ros": Chart("left"),
-    # p + dp, R Exp(dphi): VINS, OKVIS and most preintegration papers.
+    # p + dp, R Exp(dphi): VINS and most preintegration papers.
     "right": Chart("right"),
     # T Exp(xi), rotation first.
     "gtsam": Chart("right", position="body", rotation_first=True),
