@@ -1,4 +1,4 @@
-"""The page "From your estimator": its Python as a reader runs it, each answer against the dense inverse."""
+"""The pages of docs: their Python as a reader runs it, each answer against another way to it."""
 
 from __future__ import annotations
 
@@ -13,21 +13,35 @@ import pytest
 import scipy.sparse
 
 import vigauge as vg
+from benchmarks.gauge_weights import SHIPPED, measured
 from support import ROOT, foreign
+from vigauge.geometry.charts import CHARTS
 
-PAGE = (ROOT / "docs" / "from_your_estimator.md").read_text("utf-8")
+ESTIMATOR, CONVENTIONS, GAUGE = (
+    (ROOT / "docs" / f"{name}.md").read_text("utf-8")
+    for name in ("from_your_estimator", "conventions", "which_gauge")
+)
 
 
-def code_of(title: str, language: str = "python") -> str:
+def section(page: str, title: str) -> str:
+    return page.split(f"\n## {title}\n")[1].split("\n## ")[0]
+
+
+def cells(text: str) -> list[list[str]]:
+    """Rows of the first table in a text, and of those after it, without the first head."""
+    rows = re.findall(r"^\|(.*)\|$", text, re.MULTILINE)
+    return [[cell.strip(" `") for cell in row.split(" | ")] for row in rows[2:]]
+
+
+def code_of(title: str, language: str = "python", page: str = ESTIMATOR) -> str:
     """The block of a section."""
-    section = PAGE.split(f"\n## {title}\n")[1].split("\n## ")[0]
-    (code,) = re.findall(rf"^```{language}\n(.*?)^```", section, re.MULTILINE | re.DOTALL)
+    (code,) = re.findall(rf"^```{language}\n(.*?)^```", section(page, title), re.MULTILINE | re.DOTALL)
     return code
 
 
-def run(title: str) -> dict[str, Any]:
+def run(title: str, page: str = ESTIMATOR) -> dict[str, Any]:
     names: dict[str, Any] = {}
-    exec(compile(code_of(title), title, "exec"), names)
+    exec(compile(code_of(title, page=page), title, "exec"), names)
     return names
 
 
@@ -50,7 +64,7 @@ def in_gauge(J: Any, T: np.ndarray, V: np.ndarray) -> np.ndarray:
 
 
 def test_sections_and_languages() -> None:
-    assert re.findall(r"^## (.*)$", PAGE, re.MULTILINE) == [
+    assert re.findall(r"^## (.*)$", ESTIMATOR, re.MULTILINE) == [
         "GTSAM",
         "COLMAP",
         "Ceres",
@@ -116,3 +130,31 @@ def test_cpp_for_ceres_compiles(folder: Path) -> None:
     command = ["g++", "-std=c++17", "-fsyntax-only", "-I/usr/include/eigen3", "write.cpp"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_convention_is_checked_by_differences() -> None:
+    names = run("Convert a block, and check it", CONVENTIONS)
+    assert vg.relative_frobenius(names["ros"], names["gtsam"]) > 0.1  # or the page shows nothing
+
+
+def test_all_conventions_are_listed() -> None:
+    listed = [row[0] for row in cells(section(CONVENTIONS, "Side of a rotation"))]
+    assert listed == list(CHARTS)
+
+
+def test_scores_of_designs() -> None:
+    title = "Scores of optimal design"
+    best = run(title, GAUGE)["best"]
+    printed = cells(section(GAUGE, title))
+    assert [row[1:] for row in printed] == [[str(row[score]) for score in "DAE"] for row in best.values()]
+
+
+@pytest.mark.parametrize("system", SHIPPED)
+def test_shipped_weights_are_as_printed(system: str) -> None:
+    (printed,) = [row[1:] for row in cells(GAUGE.split("<!-- made by")[1]) if row[0] == system]
+    for text, (name, value) in zip(printed, measured(*SHIPPED[system]).items(), strict=True):
+        number = float("nan" if text == "-" else text)
+        if number < 1e-6:  # rounding or the last step of a solve, which differ by machine
+            assert value < 1e-6, name
+        else:
+            np.testing.assert_allclose(value, number, rtol=0.06, err_msg=name)
