@@ -1,0 +1,141 @@
+"""Covariance of an information matrix that another solver made, beside what that solver's users would ask.
+
+python -m benchmarks.foreign [FOLDER]
+
+One process, one thread. The matrices are random but see exactly the directions that a real one sees: the
+rows of each measurement are orthogonal to the gauge's.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import X
+
+import vigauge as vg
+from vigauge.adapters.gtsam import covariance as from_graph
+from vigauge.covariance.relative import relative_pose
+from vigauge.files import write_json, write_rows
+from vigauge.geometry.so3 import Array
+from vigauge_paper.figures.style import COLOURS, PAGE, new_figure, save_figure
+from vigauge_paper.run.machine import describe_machine, versions
+
+from .foreign_dense import agreement_rows, camera_rows
+from .foreign_peers import ceres_blocks, gtsam_marginals, prior_rows
+from .foreign_problems import chain, pose_graph
+from .foreign_rows import REPEATS, Sizes, covariance_of, least, row
+from .process import pinned
+from .results import Row
+
+RESULTS = Path(__file__).resolve().parent / "results"
+FULL = Sizes()
+
+
+def keyframe_rows(sizes: Sizes) -> list[Row]:
+    """All 9 x 9 blocks of a long chain with loops, and relative poses once these are known."""
+    problem = chain(sizes.keyframes, vg.YawTranslation())
+    J = problem.jacobian()
+    H = (J.T @ J).tocsc()
+    prior, share = prior_rows(problem)
+    ours, ours_s = least(lambda: blocks_at_centroid(covariance_of(problem, H)))
+    fixed = ours.keyframes(vg.FixedGauge())
+    start, count = gtsam_marginals(problem, prior), sizes.keyframes
+
+    def marginals() -> tuple[Any, Array]:
+        found = start()
+        return found, np.array([found.marginalCovariance(k) for k in range(count)])
+
+    (found, theirs), gtsam_s = least(marginals)
+    case, what = f"keyframes, n = {H.shape[0]}", "all 9 x 9 blocks, centroid gauge"
+    note = "peer: prior on the first keyframe, its share taken off, compared in our fixed gauge"
+    rows = [row(case, what, (fixed, ours_s), "GTSAM Marginals", (theirs - share, gtsam_s), note)]
+    theirs, ceres_s = least(ceres_blocks(problem, prior), 1)
+    runs = f"Ceres ran once, ours least of {REPEATS} runs"
+    rows.append(row(case, what, (fixed, ours_s), "Ceres SPARSE_QR", (theirs - share, ceres_s), note, runs))
+
+    R, p = problem.poses
+    far = np.random.default_rng(4).permutation(count)[: 2 * (min(sizes.pairs, count // 2))]
+    pairs = np.sort(far.reshape(-1, 2), axis=1).tolist()
+
+    def joint(i: int, j: int) -> Array:
+        _, J_i, J_j = relative_pose(R[i], p[i], R[j], p[j])
+        both = found.jointMarginalCovariance(gtsam.KeyVector([i, j])).fullMatrix()
+        D = np.zeros((6, 18))
+        D[:, [3, 4, 5, 0, 1, 2]], D[:, [12, 13, 14, 9, 10, 11]] = J_i, J_j
+        return D @ both @ D.T
+
+    mine = least(lambda: np.array([ours.relative_pose(i, j).covariance for i, j in pairs]))
+    theirs = least(lambda: np.array([joint(i, j) for i, j in pairs]))
+    mine, theirs = ((value, seconds / len(pairs)) for value, seconds in (mine, theirs))
+    note = f"seconds a pair, mean of {len(pairs)} random pairs"
+    what = "relative pose of any pair, after the blocks"
+    return [*rows, row(case, what, mine, "GTSAM jointMarginalCovariance", theirs, note)]
+
+
+def graph_row(sizes: Sizes) -> Row:
+    """A chain of poses in GTSAM, from its own graph to all blocks."""
+    graph, values = pose_graph(sizes.poses)
+    keys, sigma = [X(k) for k in range(sizes.poses)], 0.01
+    closed = gtsam.NonlinearFactorGraph(graph)
+    first = values.atPose3(X(0))
+    closed.add(gtsam.PriorFactorPose3(X(0), first, gtsam.noiseModel.Isotropic.Sigma(6, sigma)))
+
+    def marginals() -> Array:
+        found = gtsam.Marginals(closed, values)
+        return np.array([found.marginalCovariance(key) for key in keys])
+
+    ours, ours_s = least(lambda: blocks_at_centroid(from_graph(graph, values)))
+    theirs, peer_s = least(marginals)
+    carried = np.array([values.atPose3(key).between(first).AdjointMap() for key in keys])
+    theirs = theirs - sigma**2 * carried @ carried.swapaxes(1, 2)
+    note = "vigauge.adapters.gtsam, translation of the graph included; compared in our fixed gauge"
+    case, what = f"pose graph, n = {6 * sizes.poses}", "all 6 x 6 blocks, centroid gauge"
+    fixed = ours.keyframes(vg.FixedGauge())
+    return row(case, what, (fixed, ours_s), "GTSAM Marginals", (theirs, peer_s), note)
+
+
+def blocks_at_centroid(found: vg.EstimateCovariance) -> vg.EstimateCovariance:
+    """The covariance, after all blocks were asked for."""
+    found.in_gauge(vg.CentroidGauge()).keyframes()
+    return found
+
+
+def draw(rows: list[Row], stem: Path) -> None:
+    """``stem``.pdf and .png: a bar for each ratio; right of the line we are faster."""
+    labels = [f"{r['case']}: {r['what']}\n{r['peer']}" for r in rows[::-1]]
+    ratios = [float(str(r["ratio"])) for r in rows[::-1]]
+    with new_figure(PAGE, 3.4) as (figure, axes):
+        axes.barh(labels, [ratio - 1.0 for ratio in ratios], left=1.0, color=COLOURS["free"])
+        for k, ratio in enumerate(ratios):
+            axes.annotate(
+                f"{ratio:.3g}", (max(ratio, 1.0), k), (3, 0), textcoords="offset points", va="center"
+            )
+        axes.margins(x=0.1)
+        axes.axvline(1.0, color="k", lw=0.8)
+        axes.set_xscale("log")
+        axes.set_xlabel("their time over ours")
+        save_figure(figure, stem)
+
+
+def main(folder: Path = RESULTS, sizes: Sizes = FULL) -> list[Row]:
+    rows = [*keyframe_rows(sizes), graph_row(sizes), *camera_rows(sizes), *agreement_rows(sizes)]
+    write_rows(folder / "foreign.csv", rows)
+    peers = {name: version(name) for name in ("gtsam", "pyceres", "numba")}
+    about = {"machine": describe_machine(), "versions": versions(), "peers": peers, "sizes": asdict(sizes)}
+    threads = {name: value for name, value in sorted(os.environ.items()) if name.endswith("_NUM_THREADS")}
+    write_json(folder / "foreign.json", about | {"repeats": REPEATS, "threads": threads})
+    draw(rows, folder / "foreign")
+    return rows
+
+
+if __name__ == "__main__":
+    if pinned(1).items() - os.environ.items():  # libraries read these when they are loaded
+        os.execve(sys.executable, [sys.executable, "-m", "benchmarks.foreign", *sys.argv[1:]], pinned(1))
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else RESULTS)

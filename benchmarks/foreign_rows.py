@@ -1,0 +1,59 @@
+"""What a row of foreign.csv holds, and the clock behind it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import vigauge as vg
+from vigauge.geometry.so3 import Array
+
+from .foreign_problems import Chain
+from .results import Row
+
+REPEATS = 3
+_RUNS = f"least of {REPEATS} runs"
+# What an answer is, and its seconds.
+Timed = tuple[Array, float]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    keyframes: int = 2222
+    poses: int = 3333
+    cameras: int = 49
+    points: int = 7776
+    observations: int = 31843
+    oracle: int = 60
+    pairs: int = 50
+
+
+def least(work: Callable[[], Any], repeats: int = REPEATS) -> tuple[Any, float]:
+    """What ``work`` gives, and the least seconds of some runs of it."""
+    seconds = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        out = work()
+        seconds.append(time.perf_counter() - begin)
+    return out, min(seconds)
+
+
+def row(case: str, what: str, ours: Timed, peer: str, theirs: Timed, note: str, runs: str = _RUNS) -> Row:
+    """``ratio`` is their time over ours; the difference is in relative Frobenius norm."""
+    return {
+        "case": case,
+        "what": what,
+        "ours_s": f"{ours[1]:.3g}",
+        "peer": peer,
+        "peer_s": f"{theirs[1]:.3g}",
+        "ratio": f"{theirs[1] / ours[1]:.3g}",
+        "relative_difference": f"{vg.relative_frobenius(ours[0], theirs[0]):.1e}",
+        "note": f"{note}; {runs}, shared machine",
+    }
+
+
+def covariance_of(problem: Chain, H: Any) -> vg.EstimateCovariance:
+    at = problem.poses, problem.velocities
+    return vg.Covariance.from_hessian(H, problem.layout, *at, group=problem.group)
