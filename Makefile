@@ -20,7 +20,7 @@ BIN := $(VENV)/bin
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 SET_UP := $(VENV)/.installed
 
-.PHONY: help setup paper check-results recovery test fuzz bench bench-paper lint format lock clean distclean
+.PHONY: help setup paper check-results recovery test test-all fuzz bench bench-paper lint format lock clean distclean
 .DEFAULT_GOAL := help
 
 help:
@@ -29,6 +29,7 @@ help:
 	@echo "make check-results  say whether paper_figures/ matches the expected values, data/expected.csv"
 	@echo "make recovery   kill the pipeline at random moments, start it again, compare (docs/recovery.csv)"
 	@echo "make test       set up, check as 'make lint' does, then run the tests"
+	@echo "make test-all   also the tests that build the workflow several times (half an hour)"
 	@echo "make fuzz       feed every reader $(INPUTS) malformed files; the record goes to docs/fuzzing.csv"
 	@echo "make bench      set up, then race vigauge and its peers: benchmarks/README.md (SIZES=$(SIZES))"
 	@echo "make bench-paper  run the whole workflow anew and print where the time goes"
@@ -77,6 +78,9 @@ recovery: $(SET_UP)
 
 test: lint
 	$(RUN) pytest
+
+test-all: lint
+	$(RUN) pytest -m ""
 
 fuzz: $(SET_UP)
 	PYTHONPATH=tests $(BIN)/python -m fuzz.run --inputs $(INPUTS) --record docs/fuzzing.csv

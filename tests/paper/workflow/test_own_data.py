@@ -19,6 +19,7 @@ from .conftest import make_project, snakemake
 pytestmark = pytest.mark.workflow
 
 
+@pytest.mark.slow
 def test_page_leads_from_a_folder_to_table_3_and_figure_10(smoke_project: Path, tmp_path: Path) -> None:
     """A page whose configuration or command no longer fits."""
     page = (ROOT / "docs" / "your_own_data.md").read_text("utf-8")

@@ -170,6 +170,7 @@ def test_sensitivity_is_swept_only_when_asked_for(smoke_project: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_windows_are_made_only_when_asked_for_and_whole(scratch_project: Path) -> None:
     """Windows in a default run, or a window without start, optimum and distances."""
     done = snakemake(scratch_project, "--dry-run", "--forceall")
@@ -268,6 +269,7 @@ def test_missing_sequence_file_is_named(tmp_path: Path) -> None:
     assert not (folder / "paper_figures").exists()
 
 
+@pytest.mark.slow
 def test_same_config_gives_the_same_bytes(tmp_path: Path, smoke_project: Path) -> None:
     """Hidden state in random numbers, file writers or thread order."""
     folder = make_project(tmp_path / "project")
@@ -329,6 +331,7 @@ def of_euroc(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_results_of_another_source_are_not_replaced_unasked(scratch_project: Path) -> None:
     """Stand-ins in the place of EuRoC's results, because EUROC_ROOT was not set in this terminal."""
     record = of_euroc(scratch_project)
@@ -355,6 +358,7 @@ def test_results_of_another_source_are_not_replaced_unasked(scratch_project: Pat
     }
 
 
+@pytest.mark.slow
 def test_report_speaks_of_what_it_shows(scratch_project: Path) -> None:
     """Captions of stand-ins under EuRoC's results, where the report is made without EUROC_ROOT."""
     words = "Rendered stand-in, not EuRoC"
@@ -371,6 +375,7 @@ def test_record_that_is_none_is_refused(scratch_project: Path) -> None:
     assert done.returncode != 0 and "must be the record of a build" in done.stderr
 
 
+@pytest.mark.slow
 def test_snakefile_in_another_folder_makes_the_same(smoke_project: Path, tmp_path: Path) -> None:
     """Configuration and published numbers looked up where the results go; a folder's name with a space."""
     results = tmp_path / "my results"
@@ -384,6 +389,7 @@ def test_snakefile_in_another_folder_makes_the_same(smoke_project: Path, tmp_pat
     assert (results / target).read_bytes() == (smoke_project / target).read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["module://matplotlib_inline.backend_inline", "no_such_backend", "tkagg"])
 def test_figures_are_drawn_whatever_a_notebook_says(
     smoke_project: Path, tmp_path: Path, backend: str

@@ -32,6 +32,7 @@ def resume(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=900)
 
 
+@pytest.mark.slow
 def test_a_run_killed_twice_gives_the_same_results(tmp_path: Path, smoke_project: Path) -> None:
     """Half-written files that survive a kill, a lock that nobody takes away, or results that depend on
     the interruption. `make recovery` does this more often; docs/recovery.csv has the record."""
@@ -59,6 +60,7 @@ def test_the_comparison_sees_differences(smoke_project: Path, scratch_project: P
     ]
 
 
+@pytest.mark.slow
 def test_two_runs_at_once(tmp_path: Path) -> None:
     """Two runs that write the same files: Snakemake's lock for one command, a sentence for the other."""
     folder = make_project(tmp_path / "project")
@@ -94,6 +96,7 @@ def test_two_runs_at_once(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_result_of_another_configuration_is_refused(smoke_project: Path, tmp_path: Path) -> None:
     """Table II of trials under two configurations."""
     other = make_project(tmp_path / "other")
@@ -133,6 +136,7 @@ def test_an_edited_result_is_refused(scratch_project: Path) -> None:
     assert "arc_plane/solutions.csv: is not the result that" in done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_partial_rerun_is_no_mixture(scratch_project: Path) -> None:
     """A stamp of the whole configuration would refuse what was rightly left as it was."""
     config = scratch_project / "config" / "smoke.yaml"
