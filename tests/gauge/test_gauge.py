@@ -71,7 +71,7 @@ def test_there_are_four_null_directions_and_no_fifth(shape, points, record_prope
     Jacobi-scaled reduced H between its fourth and fifth singular value is above 1e8."""
     problem, state = trial(0, shape, points), estimate(0, shape, points)
     found = spectrum(linearise(problem, state))
-    record_property("gap", found.gap)
+    record_property("gap", float(found.gap))
     assert found.nullity == 4
     assert found.gap > 1e8
     assert found.rank == state.n_parameters - 4
