@@ -197,8 +197,10 @@ def code_of(stage):
     Given as inputs, so that an edit reruns the rules that use the module, and no others.
     """
     graph = import_graph()
-    library = f"vigauge.cli.{stage}"
-    command = library if library in graph.modules else f"vigauge_paper.commands.{stage}"
+    # Both sides have a `covariance`; rules mean the artifact's wherever it has one.
+    command = f"vigauge_paper.commands.{stage}"
+    if command not in graph.modules:
+        command = f"vigauge.cli.{stage}"
     modules = {command} | graph.find_upstream_modules(command)
     stems = [SOURCE.joinpath(*module.split(".")) for module in modules]
     files = [stem / "__init__.py" if stem.is_dir() else stem.with_suffix(".py") for stem in stems]
