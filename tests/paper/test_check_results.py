@@ -22,8 +22,8 @@ TABLES = {
     "table1": "gauge,parameters,hessian_rows,hessian_rank\nfix,1886,1886,1886\nfree,1890,1890,1886\n",
     "table2": f"configuration,gauge,{RMSE}\narc_plane,fix,0.01,0.02,0.03\n",
     "table3": f"sequence,source,gauge,{RMSE}\nMH_01_easy,euroc,fix,0.01,0.02,0.03\n",
-    "fig05_prior_weight_cost": "weight,quantity,q1,median,q3\n7,iterations,9.0,13.5,15.75\n"
-    "7,time_s,1.0,2.0,3.0\n",
+    "fig05_prior_weight_cost": "reading,weight,quantity,q1,median,q3\nresidual,7,iterations,9.0,13.5,15.75\n"
+    "residual,7,time_s,1.0,2.0,3.0\n",
     "fig07_simulation_cost": f"{COST}\narc_plane,fix,time_s,2.0,2.0\narc_plane,free,time_s,1.6,1.6\n"
     "arc_plane,free,iterations,5.0,4.72\narc_plane,free,time_per_iteration_ratio,1.1,1.1\n",
     "fig11_euroc_cost": f"{COST}\nMH_01_easy,free,iterations,6.0,6.0\n",
@@ -156,7 +156,12 @@ def test_a_missing_or_broken_file_is_named(build: Path, file: str) -> None:
     [
         ("table2.csv", "p_rmse_m", "p_rmse_mm", r"table2.csv, p_rmse_m: must be a column"),
         ("table2.csv", "arc_plane,fix,0.01,0.02,0.03\n", "", r"table2.csv: must have rows"),
-        ("fig05_prior_weight_cost.csv", "7,iterations", "7,steps", r"fig05, 7 iterations, q1 .*is missing"),
+        (
+            "fig05_prior_weight_cost.csv",
+            "7,iterations",
+            "7,steps",
+            r"fig05, residual 7 iterations, q1 .*is missing",
+        ),
         ("table2.csv", "0.02", "", r"table2.csv, row 2, phi_rmse_deg: must be a finite number"),
         (
             "table1.csv",

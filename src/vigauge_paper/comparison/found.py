@@ -59,7 +59,7 @@ def found_values(folder: Path) -> list[Value]:
         *_table(folder, "table2", ["configuration", "gauge"], ERRORS, DIGITS),
         *_truths(folder),
         *_table(folder, "table3", ["sequence", "gauge"], ERRORS, SPREAD),
-        *_table(folder, "fig05", ["weight", "quantity"], ["q1", "median", "q3"], EXACT),
+        *_table(folder, "fig05", ["reading", "weight", "quantity"], ["q1", "median", "q3"], EXACT),
         *_cost(folder, "fig07", EXACT),
         *_covariance(folder, "fig09"),
         *_covariance(folder, "fig10"),
