@@ -5,15 +5,16 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import vigauge as vg
+from support.simulated import SETTINGS
 from vigauge.model.archive import load_arrays
 from vigauge.synthetic.scenario import make_scene, make_trial
-from vigauge.synthetic.settings import SimulationSettings
 
 TABLE = vg._PUBLIC
 HEAVY = ("numpy", "scipy", "numba", "pandas", "vigauge.model")
@@ -76,32 +77,13 @@ def test_import_is_quick() -> None:
     assert min(float(python(code)) for _ in range(3)) < 0.1
 
 
-EXAMPLE = SimulationSettings(
-    duration_s=2.5,
-    mean_speed_mps=2.0,
-    n_keyframes=10,
+# Without biases, and with more landmarks than the other tests need.
+EXAMPLE = replace(
+    SETTINGS,
     n_landmarks=200,
-    minimum_views=3,
-    landmark_depth_m=(1.5, 8.0),
-    plane_roughness_m=0.05,
-    image_size_px=(320, 240),
-    field_of_view_deg=110.0,
-    sigma_px=1.0,
-    imu_rate_hz=200.0,
-    gyro_density=0.001,
-    accel_density=0.01,
     gyro_bias_radps=(0.0, 0.0, 0.0),
     accel_bias_mps2=(0.0, 0.0, 0.0),
-    rotation_amplitude_deg=12.0,
-    view_follows_path=0.0,
-    gravity_mps2=9.81,
-    perturb_position_m=0.05,
-    perturb_rotation_deg=6.0,
-    perturb_velocity_mps=0.05,
-    perturb_landmark_m=0.075,
     n_trials=1,
-    redraw_noise=True,
-    seed=2018,
 )
 
 

@@ -275,3 +275,7 @@ class Results:
         sweep_timing().to_csv(files["sweep_timing"], index=False)
         self.trace(sweep_trace()).to_csv(files["sweep_trace"], index=False)
         return {**paths, **files}
+
+    def evidence(self) -> dict[str, Any]:
+        """The files that claims are judged by: all but the times of the sweep."""
+        return {name: files for name, files in self.write().items() if name != "sweep_timing"}

@@ -389,7 +389,6 @@ rule claims:
         expand("data/covariance/{name}.npz", name=EXPERIMENTS),
         list(REASON_TABLES.values()),
         sweep="data/prior_sweep/sweep.csv",
-        sweep_timing="data/prior_sweep/timing.csv",
         sweep_trace="data/prior_sweep/trace.csv",
         machine="data/timing/simulation.json",
         stamps=[
@@ -431,7 +430,7 @@ rule claims:
     shell:
         "python -m vigauge_paper.commands.claims --solutions {params.solutions:q} --timings {params.timings:q}"
         " --covariances {params.covariances:q} --reasons {params.reasons:q} --sweep {input.sweep:q}"
-        " --sweep-timing {input.sweep_timing:q} --sweep-trace {input.sweep_trace:q}"
+        " --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --machine-hall {params.machine_hall}"
         " --vicon-room {params.vicon_room} --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q} --prior-reading {params.reading}"
         " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q}"

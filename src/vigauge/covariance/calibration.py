@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtri
 
 from ..arrays import integers, number, reals, require_symmetric, sparse_reals
 from ..errors import DataError, IndefiniteError
@@ -14,6 +13,7 @@ from ..geometry import so3
 from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
 from ..sparsity.rounding import rounding
+from .consistency import mean_nees_band
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +84,8 @@ def nees(estimate: object, truth: object, covariance: Array, *, probability: flo
     along = np.einsum("mij,mi->mj", vectors, error / size)
     squared = np.sum(np.where(varies, along**2 / np.where(varies, values, 1.0), 0.0), axis=1)
     freedom = varies.sum(axis=1).astype(float)
-    total = max(float(freedom.sum()), 1.0)
-    tail = 0.5 * (1.0 - probability)
-    low, high = float(chdtri(total, 1.0 - tail)) / total, float(chdtri(total, tail)) / total
+    total = max(int(freedom.sum()), 1)
+    low, high = (bound / total for bound in mean_nees_band(total, 1, probability))
     return Nees(squared, freedom, float(squared.sum()) / total, low, high)
 
 

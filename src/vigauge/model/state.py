@@ -146,8 +146,11 @@ class State:
 
         Raises DataError for another length or numbers that are not finite.
         """
+        return self.stepped(reals("increment", delta, (self.n_parameters,)))
+
+    def stepped(self, delta: Array) -> State:
+        """As :meth:`retract`, for an increment that is known to be one: a solver's own step."""
         n = self.n_keyframes
-        delta = reals("increment", delta, (self.n_parameters,))
         step = delta[: 9 * n].reshape(3, n, 3)
         dphi_0 = self.dphi_0 + step[1, 0]
         R_WB = np.empty_like(self.R_WB)

@@ -262,7 +262,7 @@ class _Run:
 
     def _try(self, step: Array, predicted_decrease: float) -> Status | None:
         """Go to the end of the step if it is good; a status ends the run."""
-        there = self.objective.evaluate(self.here.state.retract(step))
+        there = self.objective.evaluate(self.here.state.stepped(step))
         tolerance = self.options.parameter_tolerance
         length = math.sqrt(float(np.vdot(step, step)))
         if self.moved and length <= tolerance * (_state_norm(self.here.state, self.origin) + tolerance):

@@ -33,7 +33,6 @@ def solutions_only(solutions: Mapping[str, Path], criteria: Criteria) -> Evidenc
         timings={},
         covariances={},
         sweep=nothing,
-        sweep_timing=nothing,
         sweep_trace=nothing,
         sweep_configuration="",
         reasons={},

@@ -29,7 +29,6 @@ def work(options: argparse.Namespace) -> None:
         timings=dict(options.timings),
         covariances=dict(options.covariances),
         sweep=options.sweep,
-        sweep_timing=options.sweep_timing,
         sweep_trace=options.sweep_trace,
         sweep_configuration=options.sweep_configuration,
         reasons=dict(options.reasons),
@@ -114,7 +113,6 @@ def main() -> None:
         "--reasons", type=named_file, nargs="+", required=True, help="NAME=FILE of explaining experiments"
     )
     arguments.add_argument("--sweep", type=Path, required=True)
-    arguments.add_argument("--sweep-timing", type=Path, required=True)
     arguments.add_argument("--sweep-trace", type=Path, required=True)
     arguments.add_argument("--sweep-configuration", required=True, help="configuration of the sweep")
     arguments.add_argument("--machine-hall", required=True, help="the one in the place of the paper's MH1")

@@ -32,7 +32,7 @@ from vigauge.solver.levenberg_marquardt import CONVERGED, Status
 from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import FIX, FREE, HEADLINE, PRIOR
 from vigauge_paper.prior import information
-from vigauge_paper.run.artefacts import add_prior
+from vigauge_paper.run.artefacts import PRIOR_KEYS, add_prior
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 
 # Covariances of the archive, and how far from symmetric and positive they may be: rounding errors.
@@ -165,10 +165,7 @@ def main() -> None:
     arguments.add_argument(
         "--distances", type=Path, required=True, help="output: their distances, a row a noise model"
     )
-    stamped = Stamped(
-        {"prior_weight": "prior.weight", "prior_reading": "prior.reading"}, outputs=("output", "distances")
-    )
-    run(work, arguments, stamped)
+    run(work, arguments, Stamped(PRIOR_KEYS, outputs=("output", "distances")))
 
 
 if __name__ == "__main__":

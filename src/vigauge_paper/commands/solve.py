@@ -24,7 +24,7 @@ from vigauge_paper.experiments.interleaved import (
 from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import GAUGES
 from vigauge_paper.prior import gauges as gauges_of
-from vigauge_paper.run.artefacts import add_prior, add_solver
+from vigauge_paper.run.artefacts import PRIOR_KEYS, add_prior, add_solver
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
 
 
@@ -93,7 +93,7 @@ def main() -> None:
         work,
         arguments,
         Stamped(
-            {"solver": "solver", "prior_weight": "prior.weight", "prior_reading": "prior.reading"},
+            {"solver": "solver"} | PRIOR_KEYS,
             outputs=("solutions", "trace", "states"),
         ),
     )

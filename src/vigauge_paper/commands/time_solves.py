@@ -23,7 +23,7 @@ from vigauge_paper.experiments.interleaved import Trial, solve_interleaved, timi
 from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import FIX, FIX_AGAIN, HEADLINE
 from vigauge_paper.prior import gauges as gauges_of
-from vigauge_paper.run.artefacts import add_prior, add_solver, named_file
+from vigauge_paper.run.artefacts import PRIOR_KEYS, add_prior, add_solver, named_file
 from vigauge_paper.run.machine import describe_machine, reference_seconds, versions
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
 
@@ -77,7 +77,7 @@ def main() -> None:
         work,
         arguments,
         Stamped(
-            {"solver": "solver", "prior_weight": "prior.weight", "prior_reading": "prior.reading"},
+            {"solver": "solver"} | PRIOR_KEYS,
             timings=("timing", "machine"),
         ),
     )

@@ -29,7 +29,7 @@ class Evidence:
 
     ``solutions``, ``timings`` and ``covariances`` by name of configuration or sequence (a file of times may
     hold several);
-    ``sweep``, ``sweep_timing``, ``sweep_trace`` of the prior weights, done on ``sweep_configuration``;
+    ``sweep``, ``sweep_trace`` of the prior weights, done on ``sweep_configuration``;
     ``reading`` says what a prior's weight multiplies in what is judged;
     ``reasons`` by name of the table; ``cpu`` that times were taken on; ``machine_hall`` and ``vicon_room``
     name the image sequences in the place of the paper's MH1 and VI1, from ``source``, if there are any.
@@ -39,7 +39,6 @@ class Evidence:
     timings: Mapping[str, Path]
     covariances: Mapping[str, Path]
     sweep: Path
-    sweep_timing: Path
     sweep_trace: Path
     sweep_configuration: str
     reasons: Mapping[str, Path]
@@ -163,9 +162,3 @@ class Evidence:
     def sweep_paths(self) -> pd.DataFrame:
         """Iterations of the sweep."""
         return self._of_sweep(self.sweep_trace)
-
-    @cached_property
-    def sweep_times(self) -> pd.Series:
-        """Median seconds of the runs that converged by weight, in the order of the sweep."""
-        timing = timing_of(self._of_sweep(self.sweep_timing), self.sweep_table, "weight")
-        return timing.groupby("weight", sort=False)["seconds"].median()

@@ -41,6 +41,10 @@ def add_prior_information(arguments: argparse.ArgumentParser) -> None:
     )
 
 
+# Flags of :func:`add_prior` by the key of the configuration that they come from.
+PRIOR_KEYS = {"prior_weight": "prior.weight", "prior_reading": "prior.reading"}
+
+
 def add_prior(arguments: argparse.ArgumentParser) -> None:
     """``--prior-weight`` and ``--prior-reading``: w^P of Section V-A, and what it multiplies."""
     arguments.add_argument("--prior-weight", type=float, required=True, help="w^P of Section V-A")

@@ -115,7 +115,7 @@ def test_figures_say_why_they_are_empty(still: Path, draw, numbers: str) -> None
 
 def test_claims_have_no_evidence_in_it(tmp_path: Path) -> None:
     """A verdict on a covariance that was withheld."""
-    files = Results(tmp_path, covariance={"sine_plane": {"withheld": "degenerate: scale"}}).write()
+    files = Results(tmp_path, covariance={"sine_plane": {"withheld": "degenerate: scale"}}).evidence()
     evidence = Evidence(
         **files,
         sweep_configuration="sine_plane",
