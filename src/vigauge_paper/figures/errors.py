@@ -96,6 +96,6 @@ def draw_errors(archives: Mapping[str, Path], truths: Mapping[str, Path], stem: 
             for axis in (panel.xaxis, panel.yaxis):
                 axis.set_major_formatter("{x:g}")
             panel.grid(True)
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         note_stand_in(figure, rendered)
         save_figure(figure, stem)
