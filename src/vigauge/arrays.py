@@ -81,10 +81,13 @@ def number(
 ) -> float:
     """``value`` as a finite float above ``above``, at least ``least``; DataError otherwise, and for a bool or
     a string."""
-    try:
-        out = float(reals(what, value, (), field=field))
-    except DataError as error:
-        raise DataError(what, "must be a finite number", field=field, value=value) from error
+    if type(value) is float and math.isfinite(value):
+        out = value
+    else:
+        try:
+            out = float(reals(what, value, (), field=field))
+        except DataError as error:
+            raise DataError(what, "must be a finite number", field=field, value=value) from error
     if out < least:
         raise DataError(what, f"must be at least {least:g}", field=field, value=out)
     if not out > above:

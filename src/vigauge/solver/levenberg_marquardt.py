@@ -74,6 +74,10 @@ class Options:
                 raise DataError("options", "must not be negative", field=name, value=value)
 
 
+# Made and checked once, not in every solve.
+_CERES_DEFAULTS = Options()
+
+
 @dataclass(frozen=True)
 class Iteration:
     """One row of the trace; entry 0 is the start.
@@ -206,7 +210,7 @@ def solve(
 
     A run that cannot go on ends with a status that says so; nothing is raised.
     """
-    options = options or Options()
+    options = options or _CERES_DEFAULTS
     # What is done in one piece is done here: threads would only have to be started.
     with Workers(options.threads if len(problem.structure.pieces) > 1 else 1) as workers:
         return _Run(problem, gauge, options, clock, keep_states, workers).solve()

@@ -373,6 +373,7 @@ def linearise(
 
 def inertial_information(problem: Problem, state: State) -> Array:
     """(9N, 9N) share of the inertial factors in H; they do not see the landmarks."""
+    problem.initial.require_size(state)
     layout = problem.structure.layout
     storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
     inertial_kernels.accumulate(

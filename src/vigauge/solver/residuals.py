@@ -27,8 +27,7 @@ def camera_rotations(problem: Problem, state: State) -> Array:
 
 
 def inertial_inputs(problem: Problem, state: State) -> tuple[Increments, Motion]:
-    """What the inertial kernels read. DataError for a state of another size."""
-    problem.initial.require_size(state)
+    """What the inertial kernels read, of a state that has the problem's size."""
     return problem.increments, Motion(state.p_W, state.R_WB, state.v_W)
 
 
@@ -87,6 +86,7 @@ def visual_residual(problem: Problem, state: State) -> Array:
 
 def inertial_residual(problem: Problem, state: State) -> Array:
     """(F, 9) whitened r^I of Eq. (1), order (position, rotation, velocity)."""
+    problem.initial.require_size(state)
     out = np.empty((len(problem.inertial.dt), 9))
     inertial_kernels.residuals(*inertial_inputs(problem, state), out)
     return out
