@@ -234,7 +234,7 @@ class _Projection:
         state, U = covariance.state, covariance.U
         held, prior = gauge.held(state), gauge.prior(state, covariance.reference)
         if np.array_equal(held, covariance._held):
-            return cls(None, None, None, held)
+            return cls(None, None, None, held[:0])  # G's own rows are zero there
         if not U.shape[1]:
             return cls(None, None, None, held[:0])
         same_as_free = isinstance(gauge, FreeGauge) and gauge.group == covariance.group
@@ -282,8 +282,10 @@ class _Projection:
             G = G - cross - cross.swapaxes(-1, -2)
         if self.B is not None:
             return G + self.B[rows] @ self.B[rows].swapaxes(-1, -2)
+        if not len(self.held):
+            return G
         zero = np.isin(rows, self.held)
-        return np.where(zero[..., :, None] | zero[..., None, :], 0.0, G) if zero.any() else G
+        return np.where(zero[..., :, None] | zero[..., None, :], 0.0, G)
 
 
 def _normal(covariance: Covariance, gauge: Gauge, prior: LinearFactor | None) -> Array:
