@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from support.derivatives import central_differences
+from support.derivatives import central_differences, row_error
 from support.simulated import SETTINGS, scene
 from vigauge.errors import DataError
 from vigauge.geometry import so3
@@ -152,6 +152,56 @@ def test_covariance_does_not_depend_on_the_sampling_rate():
         samples = ideal_imu(motion.trajectory, np.arange(0, 700_000_001, step_ns), G)
         covariances.append(preintegrate(samples, 100_000_000, 600_000_000, NOISE).covariance)
     assert np.linalg.norm(covariances[1] - covariances[0]) < 0.01 * np.linalg.norm(covariances[0])
+
+
+@pytest.mark.parametrize(("start_ns", "end_ns"), INTERVALS)
+def test_increments_follow_the_biases(start_ns, end_ns):
+    """Catches the derivative of another scheme than ours (the commutator of a step, the half step at both
+    ends), a sign, or a rotation on the left: against differences of increments of corrected samples."""
+    motion = scene("rec")
+    at = np.array([0.02, -0.03, 0.01]), np.array([0.2, 0.1, -0.3])
+    clean = preintegrate(motion.imu.corrected(*at), start_ns, end_ns, NOISE)
+
+    def increments(change):
+        run = motion.imu.corrected(at[0] + change[:3], at[1] + change[3:])
+        return difference(preintegrate(run, start_ns, end_ns, NOISE), clean.dp, clean.dR, clean.dv)
+
+    J = central_differences(increments, 6)
+    assert row_error(clean.by_gyro_bias, J[:, :3]) < 1e-9
+    scale = np.abs(J[:, 3:]).max()
+    assert np.abs(clean.by_accel_bias - J[:, 3:]).max() < 1e-9 * scale
+    assert not clean.walk_covariance.any()
+
+
+def test_walk_adds_its_share():
+    """Catches a walk that starts a step late or acts on the interval before: its covariance against that of
+    drawn walks, and its last rows those of Brownian motion."""
+    start_ns, end_ns, trials = 251_300_001, 548_700_003, 1500
+    noise = ImuNoise(1e-4, 1e-3, gyro_walk=0.02, accel_walk=0.3)
+    ideal = scene("sine").imu
+    inside = (ideal.t_ns >= start_ns - SAMPLE_NS) & (ideal.t_ns <= end_ns + SAMPLE_NS)
+    ideal = ImuSamples(ideal.t_ns[inside], ideal.gyro[inside], ideal.accel[inside])
+    clean = preintegrate(ideal, start_ns, end_ns, noise)
+    dt = clean.dt
+    steps = clean.walk_covariance[9:, 9:]
+    assert np.allclose(steps, np.diag(dt * np.repeat([0.02**2, 0.3**2], 3)), rtol=1e-12)
+    # A walk from the start to every sample and to the end; before the start it runs backwards.
+    t = np.concatenate([ideal.t_ns - start_ns, [end_ns - start_ns]]) * 1e-9
+    before, order = t < 0.0, np.argsort(t)
+    rng = np.random.default_rng(2)
+    errors = []
+    for _ in range(trials):
+        b = np.zeros((len(t), 6))
+        for some in (order[~before[order]], order[before[order]][::-1]):
+            widths = np.sqrt(np.diff(np.abs(t[some]), prepend=0.0))[:, None]
+            b[some] = np.cumsum(widths * rng.normal(size=(len(some), 6)), axis=0)
+        b *= np.repeat([0.02, 0.3], 3)
+        run = ImuSamples(ideal.t_ns, ideal.gyro + b[:-1, :3], ideal.accel + b[:-1, 3:])
+        error = difference(preintegrate(run, start_ns, end_ns, noise), clean.dp, clean.dR, clean.dv)
+        errors.append(np.concatenate([-error, b[-1]]))
+    found = np.array(errors).T @ np.array(errors) / trials
+    W = np.linalg.inv(np.linalg.cholesky(clean.walk_covariance))
+    assert np.abs(W @ found @ W.T - np.eye(15)).max() < 5.5 / np.sqrt(trials)
 
 
 def test_intervals_compose():

@@ -8,11 +8,15 @@ Noise follows the white-noise density convention: a sample taken at rate f has s
 deviation density * sqrt(f). Every sample's share in the three increments is kept, also
 that it enters two steps, so the covariance of each factor is exact to first order. That
 neighbouring factors share the sample between them is left out.
+
+Biases are taken off the samples before. Where they are estimated, the increments follow a change of
+them to first order, and each keyframe's bias is the one before plus a step of a random walk, whose share
+in the increments of its own interval is kept too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +34,30 @@ _SHORTEST_PERIOD_S = 3e-5
 
 @dataclass(frozen=True)
 class ImuNoise:
-    """White-noise densities: gyro in rad/s/sqrt(Hz), accel in m/s^2/sqrt(Hz)."""
+    """White-noise densities: gyro in rad/s/sqrt(Hz), accel in m/s^2/sqrt(Hz).
+
+    ``gyro_walk`` (rad/s^2/sqrt(Hz)) and ``accel_walk`` (m/s^3/sqrt(Hz)) are those of the biases' random walk:
+    over t seconds a bias moves by walk * sqrt(t). Zero: the biases are constant.
+    """
 
     gyro_density: float
     accel_density: float
+    gyro_walk: float = 0.0
+    accel_walk: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("gyro_density", "accel_density"):
+        for name in ("gyro_density", "accel_density", "gyro_walk", "accel_walk"):
             if number("imu noise", getattr(self, name), field=name) < 0.0:
                 raise DataError("imu noise", "must not be negative", field=name, value=getattr(self, name))
 
     def scaled(self, factor: float) -> ImuNoise:
-        """Both densities times ``factor``."""
-        return ImuNoise(self.gyro_density * factor, self.accel_density * factor)
+        """All densities times ``factor``."""
+        return ImuNoise(
+            self.gyro_density * factor,
+            self.accel_density * factor,
+            self.gyro_walk * factor,
+            self.accel_walk * factor,
+        )
 
 
 @dataclass(frozen=True)
@@ -102,6 +117,10 @@ class Preintegrated:
     dt : length, s
     dp : (3,) m;  dR : (3, 3);  dv : (3,) m/s
     covariance : (9, 9), order (dp, rotation vector right of dR, dv)
+    by_gyro_bias, by_accel_bias : (9, 3) first-order change of (dp, rotation vector right of dR, dv) for a
+        bias larger by one unit (rad/s, m/s^2) than the one taken off (Forster et al., Eq. 44)
+    walk_covariance : (15, 15), what the random walk of the biases adds, order (dp, rotation vector right of
+        dR, dv, gyroscope bias at the end less that at the start, accelerometer bias likewise)
     """
 
     dt: float
@@ -109,6 +128,9 @@ class Preintegrated:
     dR: Array
     dv: Array
     covariance: Array
+    by_gyro_bias: Array = field(default_factory=lambda: np.zeros((9, 3)))
+    by_accel_bias: Array = field(default_factory=lambda: np.zeros((9, 3)))
+    walk_covariance: Array = field(default_factory=lambda: np.zeros((15, 15)))
 
 
 def _nodes(samples: ImuSamples, t_start_ns: int, t_end_ns: int) -> tuple[Array, Array]:
@@ -208,7 +230,31 @@ def preintegrate(
     ]
     share = np.concatenate(sampled, axis=2) / np.sqrt(samples.period())
     covariance = np.einsum("sij,skj->ik", share, share)
-    return Preintegrated(float(time[-1]), dp[-1], rotation[-1], dv[-1], covariance)
+    by_bias, walk = _bias_shares(h, gyro, by_rate, by_force, noise)
+    return Preintegrated(
+        float(time[-1]), dp[-1], rotation[-1], dv[-1], covariance, by_bias[:, :3], by_bias[:, 3:], walk
+    )
+
+
+def _bias_shares(
+    h: Array, gyro: Array, by_rate: Array, by_force: Array, noise: ImuNoise
+) -> tuple[Array, Array]:
+    """Effect of a change of both biases (9, 6), and the covariance (15, 15) that their walk adds.
+
+    A bias shifts all samples alike, also within the commutator of a step. What a walk's change during one
+    step does is what a bias does to all steps after it and to half of its own.
+    """
+    rates = -by_rate @ (np.eye(3) - h[:, :, None] / 12.0 * so3.hat(gyro[1:] - gyro[:-1]))
+    by_bias = np.concatenate([rates.sum(axis=0), -by_force.sum(axis=0)], axis=1)
+    if not (noise.gyro_walk or noise.accel_walk):
+        return by_bias, np.zeros((15, 15))
+    forces = -0.5 * (by_force[:-1] + by_force[1:])
+    forces[-1] -= 0.5 * by_force[-1]
+    later = [np.cumsum(effect[::-1], axis=0)[::-1] - 0.5 * effect for effect in (rates, forces)]
+    root = np.sqrt(h[:, :, None]) * np.repeat([noise.gyro_walk, noise.accel_walk], 3)
+    unit = np.broadcast_to(np.eye(6), (len(h), 6, 6))
+    share = np.concatenate([np.concatenate(later, axis=2), unit], axis=1) * root
+    return by_bias, np.einsum("kij,klj->il", share, share)
 
 
 def _noise_shares(
