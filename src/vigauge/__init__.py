@@ -37,6 +37,7 @@ _PUBLIC = {
     "Gauge": ("gauge.gauges", "what the solver and the covariance ask of a gauge (protocol)"),
     "MotionFactor": ("model.factors", "a further residual on keyframes, such as a GNSS position (protocol)"),
     "LinearFactor": ("model.factors", "its residual and Jacobian at one state"),
+    "BiasPrior": ("model.factors", "what is known of a keyframe's biases beforehand"),
     "FixedGauge": ("gauge.gauges", "first position and yaw are held"),
     "PriorGauge": ("gauge.gauges", "first position and yaw have a prior"),
     "FreeGauge": ("gauge.gauges", "nothing is held; covariances are pseudo-inverses"),

@@ -44,6 +44,7 @@ from .model.archive import save_problems as save_problems
 from .model.evaluation import TrajectoryErrors as TrajectoryErrors
 from .model.evaluation import relative_frobenius as relative_frobenius
 from .model.evaluation import trajectory_errors as trajectory_errors
+from .model.factors import BiasPrior as BiasPrior
 from .model.factors import LinearFactor as LinearFactor
 from .model.factors import MotionFactor as MotionFactor
 from .model.imu import ImuNoise as ImuNoise

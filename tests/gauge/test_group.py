@@ -57,10 +57,11 @@ def images_alone(cameras: int) -> Problem:
     )
 
 
+@pytest.mark.parametrize("biases", [False, True])
 @pytest.mark.parametrize("group", GROUPS, ids=lambda group: type(group).__name__)
-def test_tangent_is_the_derivative_of_the_action(group: Group) -> None:
+def test_tangent_is_the_derivative_of_the_action(group: Group, biases: bool) -> None:
     """Catches a column with a wrong sign, axis or order, or the first rotation's chart forgotten."""
-    state = random_problem(5).initial
+    state = random_problem(5, biases=biases).initial
     step, d = 1e-6, dimension(group)
     numeric = np.stack(
         [

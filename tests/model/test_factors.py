@@ -13,10 +13,10 @@ from vigauge.covariance.covariance import Covariance
 from vigauge.covariance.projection import project_covariance
 from vigauge.errors import DataError
 from vigauge.gauge.gauges import CentroidGauge, FixedGauge, FreeGauge, KeyframeGauge, PriorGauge
-from vigauge.gauge.group import orbit_tangent
+from vigauge.gauge.group import YawTranslation, dimension, orbit_tangent
 from vigauge.model.archive import save_problems
 from vigauge.model.evaluation import relative_frobenius
-from vigauge.model.factors import LinearFactor
+from vigauge.model.factors import BiasPrior, LinearFactor
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.observability.diagnosis import diagnose
@@ -81,6 +81,36 @@ def test_gradient_and_hessian_hold_the_factor(keyframe: int) -> None:
     ]
     assert np.allclose(equations.gradient[: len(numeric)], numeric, rtol=1e-5, atol=1e-2)
     assert relative_frobenius(equations.dense(), dense_information(problem)) < 1e-12
+
+
+def test_prior_on_biases() -> None:
+    """Catches another keyframe's columns, sigmas exchanged, or a bias measured that is not there."""
+    problem, i = random_problem(7, biases=True), 2
+    prior = BiasPrior(i, np.array([0.1, 0.2, 0.3]), np.array([-1.0, 0.0, 1.0]), 0.01, 0.2)
+    with_prior, state = replace(problem, factors=(prior,)), problem.initial
+    error = np.concatenate(
+        [(state.gyro_bias[i] - prior.gyro) / 0.01, (state.accel_bias[i] - prior.accel) / 0.2]
+    )
+    assert cost(with_prior, state) - cost(problem, state) == pytest.approx(0.5 * error @ error, rel=1e-6)
+    added = linearise(with_prior, state).dense() - linearise(problem, state).dense()
+    n = state.n_keyframes
+    at = np.concatenate([9 * n + 3 * i + np.arange(3), 12 * n + 3 * i + np.arange(3)])
+    expected = np.zeros_like(added)
+    expected[at, at] = np.repeat([1e4, 25.0], 3)
+    assert np.allclose(added, expected, rtol=0.0, atol=1e-4)
+    assert dimension(YawTranslation()) == Covariance.of(with_prior, state).U.shape[1]
+    with pytest.raises(DataError, match="biases='estimated'"):
+        solve(replace(random_problem(7), factors=(prior,)), FreeGauge())
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"gyro": np.zeros(2)}, {"gyro_sigma": 0.0}, {"accel_sigma": np.nan}, {"keyframe": 0.5}]
+)
+def test_priors_on_biases_that_are_none(wrong: dict) -> None:
+    """Catches an infinite weight, or a prior on something else."""
+    right = {"keyframe": 0, "gyro": np.zeros(3), "accel": np.zeros(3), "gyro_sigma": 1.0, "accel_sigma": 1.0}
+    with pytest.raises(DataError, match=next(iter(wrong))):
+        BiasPrior(**(right | wrong))
 
 
 def test_one_fix_leaves_the_turn_about_it() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from support.random_problem import random_problem
 from vigauge.errors import DataError
+from vigauge.model.imu import ImuNoise, ImuSamples, preintegrate
 from vigauge.model.problem import InertialFactors, Problem
 from vigauge.solver.residuals import cost
 
@@ -76,6 +77,55 @@ def test_bad_measurements_are_refused(field, change, rule):
     with pytest.raises(DataError, match=rule) as caught:
         replace(PROBLEM, **{field: change(getattr(PROBLEM, field))})
     assert caught.value.field == field
+
+
+BIASED = random_problem(0, biases=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        ({"biases": "known"}, "say biases='estimated'"),
+        ({"biases": "guessed"}, "'known' or 'estimated'"),
+        ({"initial": PROBLEM.initial}, "with_biases"),
+        ({"inertial": PROBLEM.inertial}, "InertialFactors.chain"),
+    ],
+)
+def test_biases_are_everywhere_or_nowhere(change, rule):
+    """Catches a state whose biases no factor sees, or factors that follow biases which no state has."""
+    with pytest.raises(DataError, match=rule):
+        replace(BIASED, **change)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"by_accel_bias": None}, "by_accel_bias"),
+        ({"by_gyro_bias": np.zeros((4, 3, 3))}, "by_gyro_bias"),
+        ({"covariance": PROBLEM.inertial.covariance}, "covariance"),
+        ({"gyro_bias": np.full((4, 3), np.inf)}, "gyro_bias"),
+    ],
+)
+def test_factors_say_all_of_the_biases_or_nothing(change, field):
+    """Catches half of what the linear correction needs, or the covariance of known biases."""
+    with pytest.raises(DataError) as caught:
+        replace(BIASED.inertial, **change)
+    assert caught.value.field == field
+
+
+def test_biases_without_a_walk_are_refused():
+    """Catches an infinite information of the step between two keyframes' biases."""
+    samples = ImuSamples(10_000_000 * np.arange(50), np.zeros((50, 3)), np.ones((50, 3)))
+    zero = np.zeros(3)
+    for walk in ((0.0, 1e-3), (1e-4, 0.0)):
+        noise = ImuNoise(1e-3, 1e-2, *walk)
+        factors = [preintegrate(samples, a, a + 200_000_000, noise) for a in (0, 200_000_000)]
+        assert not InertialFactors.chain(factors).has_biases
+        with pytest.raises(DataError, match="gyro_walk="):
+            InertialFactors.chain(factors, zero, zero)
+    whole = preintegrate(samples, 0, 200_000_000, ImuNoise(1e-3, 1e-2, 1e-4, 1e-3))
+    with pytest.raises(DataError, match="accel_bias"):
+        InertialFactors.chain([whole], zero, None)
 
 
 def test_every_landmark_must_be_observed():

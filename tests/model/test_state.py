@@ -18,6 +18,8 @@ STATE = random_state(np.random.default_rng(3))
 yaw = st.floats(-3.1, 3.1)
 shift = st.tuples(*[st.floats(-10.0, 10.0)] * 3).map(np.array)
 
+BIASED = STATE.with_biases(np.array([0.1, -0.2, 0.3]), np.arange(3.0 * STATE.n_keyframes).reshape(-1, 3))
+
 
 def same(a: State, b: State, tolerance: float = 1e-13) -> bool:
     return all(
@@ -44,16 +46,50 @@ def test_retraction_moves_each_parameter_as_stated():
 
 def test_retraction_leaves_the_state_alone():
     """Catches an update in place, which would spoil rejected steps."""
-    before = {name: array.copy() for name, array in vars(STATE).items()}
-    STATE.retract(np.ones(STATE.n_parameters))
-    assert all(np.array_equal(before[name], array) for name, array in vars(STATE).items())
+    before = {name: array.copy() for name, array in vars(BIASED).items()}
+    BIASED.retract(np.ones(BIASED.n_parameters))
+    assert all(np.array_equal(before[name], array) for name, array in vars(BIASED).items())
 
 
 @given(st.integers(0, 10**6))
 def test_local_undoes_retract(seed):
     """Catches a difference of states that is not the inverse of moving them."""
-    delta = np.random.default_rng(seed).normal(0.0, 0.3, STATE.n_parameters)
-    assert np.allclose(STATE.local(STATE.retract(delta)), delta, rtol=0, atol=1e-13)
+    for state in (STATE, BIASED):
+        delta = np.random.default_rng(seed).normal(0.0, 0.3, state.n_parameters)
+        assert np.allclose(state.local(state.retract(delta)), delta, rtol=0, atol=1e-13)
+
+
+def test_biases_stand_between_velocities_and_landmarks():
+    """Catches biases moved by another part of the step, turned with the world, or lost on the way."""
+    n = BIASED.n_keyframes
+    assert BIASED.n_parameters == STATE.n_parameters + 6 * n
+    delta = np.zeros(BIASED.n_parameters)
+    delta[9 * n : 15 * n] = np.arange(6 * n)
+    moved = BIASED.retract(delta).transformed(0.3, np.ones(3))
+    assert np.allclose(moved.gyro_bias - BIASED.gyro_bias, np.arange(3.0 * n).reshape(n, 3))
+    assert np.allclose(moved.accel_bias - BIASED.accel_bias, np.arange(3.0 * n, 6.0 * n).reshape(n, 3))
+    assert same(moved, STATE.transformed(0.3, np.ones(3)))
+
+
+@pytest.mark.parametrize(
+    ("biases", "rule"),
+    [
+        ({"gyro_bias": None}, "other bias"),
+        ({"accel_bias": np.zeros((2, 3))}, "shape"),
+        ({"gyro_bias": np.full((STATE.n_keyframes, 3), np.nan)}, "finite"),
+    ],
+)
+def test_bad_biases_are_refused(biases, rule):
+    """Catches one bias without the other, or NaN in the state where a solve begins."""
+    with pytest.raises(DataError, match=rule):
+        replace(BIASED, **biases).require_valid()
+
+
+def test_states_with_and_without_biases_do_not_mix():
+    """Catches an increment of another length, or biases taken for landmarks."""
+    for a, b in ((STATE, BIASED), (BIASED, STATE)):
+        with pytest.raises(DataError, match="bias"):
+            a.local(b)
 
 
 def test_iterated_increments_do_not_hold_the_yaw_but_the_total_one_does():

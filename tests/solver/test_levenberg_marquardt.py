@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from support.random_problem import random_problem
-from support.simulated import TIGHT, estimate, scene, trial
+from support.simulated import TIGHT, biased_trial, estimate, scene, trial
+from vigauge.covariance.covariance import motion_covariance
 from vigauge.errors import SolverError
 from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge
 from vigauge.geometry import so3
@@ -43,10 +44,11 @@ def test_all_gauges_end_on_the_same_orbit(shape, points):
         assert np.abs(aligned.X_W - free.state.X_W).max() < 1e-5
 
 
+@pytest.mark.parametrize("biases", [False, True])
 @pytest.mark.parametrize("gauge", **by_name)
-def test_the_end_is_a_minimum(gauge):
+def test_the_end_is_a_minimum(gauge, biases):
     """Catches a loop that stops anywhere: the gradient in the gauge's own columns vanishes."""
-    problem = trial(1, "arc", "plane")
+    problem = biased_trial(1, "arc", "plane").problem if biases else trial(1, "arc", "plane")
     solution = solve(problem, gauge, TIGHT)
     equations = linearise(problem, solution.state)
     free = np.setdiff1d(np.arange(len(equations.gradient)), gauge.held(problem.initial))
@@ -64,6 +66,22 @@ def test_noise_free_measurements_give_the_truth():
     assert errors.p_rmse_m < 1e-4
     assert errors.phi_rmse_rad < 1e-4
     assert errors.v_rmse_mps < 1e-3
+
+
+@pytest.mark.parametrize("shape", ["sine", "rec"])
+def test_biases_are_found(shape):
+    """Catches biases that stay where they began, at zero, or take the wrong sign: within five sigma of the
+    truth, of which the true ones are many away."""
+    biased = biased_trial(2, shape)
+    state = solve(biased.problem, FreeGauge()).state
+    n = state.n_keyframes
+    sigma = np.sqrt(np.diagonal(motion_covariance(biased.problem, state, FreeGauge()))[9 * n :]).reshape(
+        2, n, 3
+    )
+    for name, known_to in zip(("gyro_bias", "accel_bias"), sigma, strict=True):
+        error = (getattr(state, name) - getattr(biased.truth, name)) / known_to
+        assert np.abs(error).max() < 5.0
+    assert np.abs(biased.truth.gyro_bias / sigma[0]).max() > 10.0
 
 
 @pytest.mark.parametrize(("shape", "points"), CONFIGURATIONS[:2])
@@ -123,7 +141,7 @@ def test_same_problem_same_bits():
 
 def test_the_start_is_left_alone():
     """Catches an estimate written over the problem's initial state."""
-    problem = random_problem(1)
+    problem = random_problem(1, biases=True)
     before = {name: array.copy() for name, array in vars(problem.initial).items()}
     solve(problem, FreeGauge(), Options(maximum_iterations=3))
     assert all(np.array_equal(before[name], array) for name, array in vars(problem.initial).items())

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from support.dense import columns_of, dense_jacobian, dense_residual
+from support.dense import columns_of, dense_jacobian, dense_residual, kinds_of
 from support.derivatives import central_differences
 from support.plain_residuals import inertial_term, visual_term
 from support.random_problem import random_problem
@@ -21,11 +21,12 @@ from vigauge.solver.residuals import cost, evaluate, inertial_residual, mean_rep
 from vigauge.synthetic.scenario import make_trial
 
 SEEDS = range(4)
+CASES = [(seed, False) for seed in SEEDS] + [(seed, True) for seed in range(2)]
 TRIALS = 60
 
 
 def motion_kinds(state):
-    return [(kind, i) for kind in ("position", "rotation", "velocity") for i in range(state.n_keyframes)]
+    return [(kind, i) for kind in kinds_of(state) for i in range(state.n_keyframes)]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -76,14 +77,14 @@ def test_inertial_residual_by_definition(seed):
     assert np.allclose(whitened, np.eye(9), atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_every_jacobian_against_central_differences(seed, record_property):
-    """Catches any wrong block: both residuals by every position, rotation, velocity and landmark, at
+@pytest.mark.parametrize(("seed", "biases"), CASES)
+def test_every_jacobian_against_central_differences(seed, biases, record_property):
+    """Catches any wrong block: both residuals by every position, rotation, velocity, bias and landmark, at
     large residuals, with dphi_0 away from zero and two cameras; blocks that must vanish included.
 
-    Each 2- or 9-row block is compared with the numerical one relative to its own size.
+    Each 2-, 9- or 15-row block is compared with the numerical one relative to its own size.
     """
-    problem = random_problem(seed)
+    problem = random_problem(seed, biases=biases)
     state = problem.initial
     assert np.linalg.norm(state.dphi_0) > 0.4
     analytic = dense_jacobian(problem, state)
@@ -92,7 +93,9 @@ def test_every_jacobian_against_central_differences(seed, record_property):
     )
     count = len(problem.obs_uv)
     groups = [slice(2 * m, 2 * m + 2) for m in range(count)]
-    groups += [slice(2 * count + 9 * f, 2 * count + 9 * f + 9) for f in range(len(problem.inertial.dt))]
+    size = state.width
+    begins = 2 * count + size * np.arange(len(problem.inertial.dt))
+    groups += [slice(begin, begin + size) for begin in begins]
     blocks = motion_kinds(state) + [("landmark", j) for j in range(state.n_landmarks)]
     worst = 0.0
     for rows in groups:
@@ -131,10 +134,10 @@ def test_prior_jacobian_against_central_differences(seed):
     assert FixedGauge().prior(state, reference) is None
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_compiled_and_plain_residuals_are_the_same(seed):
+@pytest.mark.parametrize(("seed", "biases"), CASES)
+def test_compiled_and_plain_residuals_are_the_same(seed, biases):
     """Catches a kernel that computes something else than the NumPy form, a cost or a mean of other terms."""
-    problem = random_problem(seed)
+    problem = random_problem(seed, biases=biases)
     state = problem.initial
     found = evaluate(problem, state)
     visual, inertial = visual_term(problem, state).residual, inertial_term(problem, state).residual
@@ -151,6 +154,7 @@ def test_cost_does_not_see_the_gauge(yaw, t_W):
     for problem, state in (
         (trial(), trial().initial),
         (random_problem(1), random_problem(1).initial),
+        (random_problem(1, biases=True), random_problem(1, biases=True).initial),
         (trial(), estimate()),
     ):
         before = cost(problem, state)

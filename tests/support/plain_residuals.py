@@ -37,6 +37,7 @@ class InertialTerm:
 
     ``residual`` (F, 9) in the order (position, rotation, velocity); ``by_first`` and
     ``by_second`` (F, 9, 9) with respect to (position, rotation, velocity) of the two keyframes.
+    With biases (F, 15) and (F, 15, 15): then gyroscope, then accelerometer bias.
     """
 
     residual: Array
@@ -88,6 +89,16 @@ def visual_term(problem: Problem, state: State) -> VisualTerm:
     return VisualTerm((uv - problem.obs_uv) / problem.sigma_px, by_pose, by_landmark)
 
 
+def _at_biases(problem: Problem, state: State) -> tuple[Array, Array, Array, Array]:
+    """dp, dR, dv at the biases of the state, and what their rotation was turned by."""
+    f = problem.inertial
+    if not problem.estimates_biases:
+        return f.dp, f.dR, f.dv, np.zeros_like(f.dp)
+    moved = np.einsum("fij,fj->fi", f.by_gyro_bias, state.gyro_bias[f.first] - f.gyro_bias)
+    moved += np.einsum("fij,fj->fi", f.by_accel_bias, state.accel_bias[f.first] - f.accel_bias)
+    return f.dp + moved[:, :3], f.dR @ so3.exp(moved[:, 3:6]), f.dv + moved[:, 6:], moved[:, 3:6]
+
+
 def _inertial_predictions(problem: Problem, state: State) -> tuple[Array, Array, Array]:
     """Predicted (dp, dv) in the frame of the first keyframe, and the rotation error (F, 3)."""
     f = problem.inertial
@@ -98,18 +109,23 @@ def _inertial_predictions(problem: Problem, state: State) -> tuple[Array, Array,
     R_i = state.R_WB[i]
     shift = np.einsum("fji,fj->fi", R_i, shift_W)
     change = np.einsum("fji,fj->fi", R_i, change_W)
-    rotation_error = so3.log(f.dR.swapaxes(1, 2) @ R_i.swapaxes(1, 2) @ state.R_WB[j])
+    rotation_error = so3.log(
+        _at_biases(problem, state)[1].swapaxes(1, 2) @ R_i.swapaxes(1, 2) @ state.R_WB[j]
+    )
     return shift, change, rotation_error
 
 
-def _inertial_error(problem: Problem, shift: Array, change: Array, rotation: Array) -> Array:
+def _inertial_error(problem: Problem, state: State) -> Array:
     f = problem.inertial
-    return np.concatenate([shift - f.dp, rotation, change - f.dv], axis=1)
+    shift, change, rotation = _inertial_predictions(problem, state)
+    dp, _, dv, _ = _at_biases(problem, state)
+    steps = [b[f.second] - b[f.first] for b in (state.gyro_bias, state.accel_bias) if b is not None]
+    return np.concatenate([shift - dp, rotation, change - dv, *steps], axis=1)
 
 
 def inertial_residual(problem: Problem, state: State) -> Array:
     """(F, 9) whitened r^I of Eq. (1), order (position, rotation, velocity)."""
-    error = _inertial_error(problem, *_inertial_predictions(problem, state))
+    error = _inertial_error(problem, state)
     return np.einsum("fij,fj->fi", problem.inertial.whitener, error)
 
 
@@ -121,8 +137,7 @@ def inertial_term(problem: Problem, state: State) -> InertialTerm:
     R_jT = state.R_WB[f.second].swapaxes(1, 2)
     turn = so3.right_jacobian_inverse(rotation) @ R_jT
     dt = f.dt[:, None, None]
-    first = np.zeros((len(f.dt), 9, 9))
-    second = np.zeros((len(f.dt), 9, 9))
+    first, second = np.zeros((2, len(f.dt), state.width, state.width))
     first[:, 0:3, 0:3] = -R_iT
     # R_i^T hat(a_W) = hat(R_i^T a_W) R_i^T
     first[:, 0:3, 3:6] = so3.hat(shift) @ R_iT
@@ -133,13 +148,19 @@ def inertial_term(problem: Problem, state: State) -> InertialTerm:
     second[:, 0:3, 0:3] = R_iT
     second[:, 3:6, 3:6] = turn
     second[:, 6:9, 6:9] = R_iT
+    if problem.estimates_biases:
+        by_bias = np.concatenate([f.by_gyro_bias, f.by_accel_bias], axis=2)
+        moved = _at_biases(problem, state)[3]
+        by_bias[:, 3:6] = so3.left_jacobian_inverse(rotation) @ so3.right_jacobian(moved) @ by_bias[:, 3:6]
+        first[:, :9, 9:] = -by_bias
+        first[:, 9:, 9:] = -np.eye(6)
+        second[:, 9:, 9:] = np.eye(6)
     chain = first_rotation_chain(state)
     for block, keyframe in ((first, f.first), (second, f.second)):
         at_zero = keyframe == 0
         block[at_zero, :, 3:6] = block[at_zero, :, 3:6] @ chain
-    error = _inertial_error(problem, shift, change, rotation)
     return InertialTerm(
-        residual=np.einsum("fij,fj->fi", f.whitener, error),
+        residual=inertial_residual(problem, state),
         by_first=f.whitener @ first,
         by_second=f.whitener @ second,
     )

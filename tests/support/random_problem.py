@@ -3,6 +3,8 @@ rotation away from its reference, and large residuals of every kind."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vigauge.geometry import so3
@@ -60,8 +62,24 @@ def random_factors(rng: np.random.Generator, n_keyframes: int) -> InertialFactor
     )
 
 
+def with_random_biases(problem: Problem, rng: np.random.Generator) -> Problem:
+    """The problem with biases to estimate, increments given elsewhere, and full (15, 15) covariances."""
+    f, n = problem.inertial, problem.initial.n_keyframes
+    count = len(f.dt)
+    root = 0.02 * (np.eye(15) + 0.2 * rng.normal(size=(count, 15, 15)))
+    biases = {name: rng.normal(0.0, 0.3, (count, 3)) for name in ("gyro_bias", "accel_bias")}
+    by = {f"by_{name}": rng.normal(0.0, 0.4, (count, 9, 3)) for name in biases}
+    inertial = replace(f, covariance=root @ root.swapaxes(1, 2), **biases, **by)
+    initial = problem.initial.with_biases(*rng.normal(0.0, 0.3, (2, n, 3)))
+    return replace(problem, initial=initial, inertial=inertial, biases="estimated")
+
+
 def random_problem(
-    seed: int, n_keyframes: int = 4, n_landmarks: int = 7, window: int | None = None
+    seed: int,
+    n_keyframes: int = 4,
+    n_landmarks: int = 7,
+    window: int | None = None,
+    biases: bool = False,
 ) -> Problem:
     """Landmarks in most keyframes and both cameras; pixels tens of sigma off.
 
@@ -80,7 +98,7 @@ def random_problem(
         seen[np.arange(n_landmarks), first[:, 0] + 1] = True
     landmark, keyframe, camera = np.nonzero(seen)
     shuffled = rng.permutation(len(landmark))
-    return Problem.from_observations(
+    problem = Problem.from_observations(
         initial=random_state(rng, n_keyframes, n_landmarks),
         cameras=stereo_rig(rng),
         keyframe=keyframe[shuffled],
@@ -91,3 +109,4 @@ def random_problem(
         inertial=random_factors(rng, n_keyframes),
         gravity=9.81,
     )
+    return with_random_biases(problem, rng) if biases else problem

@@ -12,6 +12,7 @@ from vigauge.gauge.gauges import FreeGauge
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge.synthetic.biases import BiasedTrial, make_biased_trial
 from vigauge.synthetic.scenario import Scene, make_scene, make_trial
 from vigauge.synthetic.settings import SimulationSettings
 
@@ -66,5 +67,19 @@ def trial(number: int = 0, trajectory: str = "sine", points: str = "random", **c
 def estimate(number: int = 0, trajectory: str = "sine", points: str = "random", **changes) -> State:
     """The free-gauge minimum of such a problem; its first pose lies off the gauge of Eq. (10)."""
     solution = solve(trial(number, trajectory, points, **changes), FreeGauge(), TIGHT)
+    assert solution.converged
+    return solution.state
+
+
+@cache
+def biased_trial(number: int = 0, trajectory: str = "sine", points: str = "random", **changes) -> BiasedTrial:
+    """A trial with biases to estimate, which walk as a consumer sensor's do."""
+    return make_biased_trial(scene(trajectory, points, **changes), number, gyro_walk=1e-3, accel_walk=1e-2)
+
+
+@cache
+def biased_estimate(number: int = 0, trajectory: str = "sine", points: str = "random", **changes) -> State:
+    """The free-gauge minimum of such a problem."""
+    solution = solve(biased_trial(number, trajectory, points, **changes).problem, FreeGauge(), TIGHT)
     assert solution.converged
     return solution.state

@@ -48,7 +48,8 @@ class Covariance:
 
     :meth:`of` linearises and eliminates the landmarks once; the inverse is made at the first
     question and serves all gauges. Units m, rad, m/s. Rotations are left increments in W, the
-    first one the total increment of Eq. (9).
+    first one the total increment of Eq. (9). Where biases are estimated, 9N and 9 are 15N and 15 here: the
+    gyroscope's (rad/s) and the accelerometer's (m/s^2) follow the velocities.
 
     Attributes
     ----------
@@ -115,7 +116,7 @@ class Covariance:
     def _held(self) -> Index:
         if isinstance(self.group, YawTranslation) and not self.measured:
             return first_pose_columns(self.state)
-        motion = self.U[: 9 * self.state.n_keyframes]
+        motion = self.U[: self.state.n_motion]
         # Rows of U that are far from dependent: holding them stops every open direction.
         layout = self.reduced.structure.layout
         scale = np.sqrt(layout.diagonal(self.reduced.storage)[layout.stored])
@@ -172,7 +173,7 @@ class Covariance:
         if gauge is None:  # any will do
             gauge = FixedGauge() if isinstance(self.group, YawTranslation) else FreeGauge(group=self.group)
         joint = self.joint(gauge, [i, j])
-        used = np.concatenate([np.arange(6), np.arange(9, 15)])
+        used = np.concatenate([np.arange(6), self.state.width + np.arange(6)])
         covariance = J @ joint[np.ix_(used, used)] @ J.T
         return replace(pose, covariance=0.5 * (covariance + covariance.T))
 
@@ -183,7 +184,7 @@ class Covariance:
         """
         wanted = indices_of("landmarks", indices, self.state.n_landmarks)
         projection = self._projection(gauge, landmarks=True)
-        s, n_motion = self.reduced.structure, 9 * self.state.n_keyframes
+        s, n_motion = self.reduced.structure, self.state.n_motion
         W, inverses = self.equations.total_couplings(), self.reduced.landmark_inverses()
         first, end = s.pairs.begin[wanted], s.pairs.begin[wanted + 1]
         out = np.empty((len(wanted), 3, 3))
@@ -239,7 +240,7 @@ class _Projection:
             return cls(None, None, None, held[:0])
         same_as_free = isinstance(gauge, FreeGauge) and gauge.group == covariance.group
         V = U if same_as_free else _normal(covariance, gauge, prior)
-        rows = len(U) if landmarks else 9 * state.n_keyframes
+        rows = len(U) if landmarks else state.n_motion
         W = along_orbit(U, V)[:rows]
         # A prior on what G holds says nothing of the shape.
         same = prior is not None and np.array_equal(prior.columns, covariance._held)
@@ -253,7 +254,7 @@ class _Projection:
 
     @staticmethod
     def _half_update(covariance: Covariance, V: Array, W: Array, landmarks: bool) -> Array:
-        reduced, n_motion = covariance.reduced, 9 * covariance.state.n_keyframes
+        reduced, n_motion = covariance.reduced, covariance.state.n_motion
         through: Array = V[:n_motion]
         V_G_V: Array = np.zeros((V.shape[1],) * 2)
         if V[n_motion:].any():
@@ -329,7 +330,7 @@ def motion_pseudo_inverse(covariance: Covariance) -> Array:
     Raises DegenerateError where more than the gauge is unobservable.
     """
     reduced, U = covariance.reduced, covariance.U
-    n_motion = 9 * covariance.state.n_keyframes
+    n_motion = covariance.state.n_motion
     G, _ = generalised_inverse(reduced.matrix, U[:n_motion])
     taken, gram = reduced.couple(U[n_motion:])
     through = U[:n_motion] - taken

@@ -15,8 +15,9 @@ from .projection import independent_columns, oblique_projection
 
 
 def transfer_blocks(state: State, moved: State, yaw: float, count: int) -> Array:
-    """(count, 3, 3) diagonal blocks of d(theta_C)/d(theta) (Appendix A)."""
+    """(count, 3, 3) diagonal blocks of d(theta_C)/d(theta) (Appendix A); biases stay."""
     blocks = np.broadcast_to(so3.yaw_rotation(yaw), (count, 3, 3)).copy()
+    blocks[3 * state.n_keyframes : state.n_motion // 3] = np.eye(3)
     blocks[state.n_keyframes] = so3.right_jacobian_inverse(moved.dphi_0) @ so3.right_jacobian(state.dphi_0)
     return blocks
 
@@ -28,7 +29,7 @@ def transform_covariance(
 
     Parameters
     ----------
-    covariance : (9N, 9N) motion block, or (9N + 3K, 9N + 3K) with landmarks; usually the free one
+    covariance : motion block (9N, 9N), with biases (15N, 15N), or of all n parameters; usually the free one
     state : estimate it belongs to
     gauge : gauge wanted
     reference : state whose first pose the gauge keeps (the initial state of the problem)
@@ -45,7 +46,7 @@ def transform_covariance(
     """
     state.require_valid()
     covariance = symmetric("covariance", covariance)
-    n, n_motion = len(covariance), 9 * state.n_keyframes
+    n, n_motion = len(covariance), state.n_motion
     if covariance.shape not in ((n_motion, n_motion), (state.n_parameters,) * 2):
         raise DataError(
             "covariance",

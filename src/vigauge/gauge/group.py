@@ -129,7 +129,11 @@ def _shift(state: State, axis: Array) -> _Move:
 
 
 def _stacked(state: State, moves: Sequence[_Move]) -> Array:
-    return np.stack([np.concatenate([part.ravel() for part in move]) for move in moves], axis=1)
+    """Biases, in the body frame, do not move."""
+    still = np.zeros(state.n_motion - 3 * state.p_W.size)
+    return np.stack(
+        [np.concatenate([p.ravel(), R.ravel(), v.ravel(), still, X.ravel()]) for p, R, v, X in moves], axis=1
+    )
 
 
 def _moved(state: State, R: Array, t_W: Array, scale: float) -> State:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from ..geometry.so3 import Array
 from .compiled import part
 from .lanes import Index
-from .sizes import KEYFRAME
 
 
 @part
@@ -18,16 +17,17 @@ def vector_to_total(vector: Array, at: int, chain: Array) -> None:
 
 @part
 def system_to_total(
-    storage: Array, gradient: Array, at: int, stride: int, half_bandwidth: int, chain: Array
+    storage: Array, gradient: Array, at: int, width: int, stride: int, half_bandwidth: int, chain: Array
 ) -> None:
     """T^T S T of a stored lower triangle and T^T g, in place; T is the identity with ``chain`` at ``at``.. .
 
-    Entry (r, c) is ``storage[c * stride + r]``. Blocks of keyframes that the band does not reach are zero.
+    Entry (r, c) is ``storage[c * stride + r]``. A keyframe has ``width`` columns. Blocks of keyframes that
+    the band does not reach are zero.
     """
     vector_to_total(gradient, at, chain)
-    own, size = at - at % KEYFRAME, len(gradient)
-    reach = (half_bandwidth + 1) // KEYFRAME * KEYFRAME
-    for c in range(max(own + KEYFRAME - reach, 0), at):
+    own, size = at - at % width, len(gradient)
+    reach = (half_bandwidth + 1) // width * width
+    for c in range(max(own + width - reach, 0), at):
         start = c * stride + at
         x, y, z = storage[start], storage[start + 1], storage[start + 2]
         for a in range(3):
@@ -55,15 +55,17 @@ def total_equations(
     landmark: Array,
     landmark_gradient: Array,
     stored: Index,
+    row: int,
     at: int,
     stride: int,
     chain: Array,
     diagonal: Array,
     gradient: Array,
 ) -> None:
-    """Diagonal of H and g, (9N + 3K,) each, in the package's order and by total increments.
+    """Diagonal of H and g, (n,) each, in the package's order and by total increments.
 
-    H is a motion block stored as in :func:`system_to_total` and blocks (K, 3, 3) of landmarks.
+    The first rotation begins at ``row``, stored at ``at``. H is a motion block stored as in
+    :func:`system_to_total` and blocks (K, 3, 3) of landmarks.
     """
     n = len(stored)
     for i in range(n):
@@ -73,7 +75,7 @@ def total_equations(
         for a in range(3):
             diagonal[n + 3 * j + a] = landmark[j, a, a]
             gradient[n + 3 * j + a] = landmark_gradient[j, a]
-    row, start = n // 3, at * (stride + 1)
+    start = at * (stride + 1)
     vector_to_total(gradient, row, chain)
     s00, s10, s20 = storage[start], storage[start + 1], storage[start + 2]
     s11, s21, s22 = storage[start + stride + 1], storage[start + stride + 2], storage[start + 2 * stride + 2]
@@ -85,7 +87,7 @@ def total_equations(
 
 @part
 def to_left(motion: Array, stored: Index, at: int, chain: Array, out: Array) -> None:
-    """A motion step (9N,) in stored order: into ``out`` in the package's order, then to left increments."""
+    """A motion step in stored order: into ``out`` in the package's order, then to left increments."""
     for i in range(len(stored)):
         out[i] = motion[stored[i]]
     x, y, z = motion[at], motion[at + 1], motion[at + 2]

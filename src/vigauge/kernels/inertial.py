@@ -10,6 +10,7 @@ from ..geometry.so3 import Array
 from . import rotation
 from .compiled import kernel, part
 from .lanes import Index
+from .sizes import KEYFRAME
 
 
 class Increments(NamedTuple):
@@ -33,12 +34,8 @@ class Motion(NamedTuple):
     v_W: Array
 
 
-# Length of a row of J: 18 columns and the error, in whole vectors of eight.
-_ROW = 24
-
-
 @part
-def _error(
+def error_of(
     i: int,
     j: int,
     dt: float,
@@ -85,7 +82,7 @@ def residuals(factors: Increments, motion: Motion, out: Array) -> None:
     scratch = np.empty((3, 3))
     for f in range(len(dt)):
         i, j = first[f], second[f]
-        _error(i, j, dt[f], dp[f], dR[f], dv[f], gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
+        error_of(i, j, dt[f], dp[f], dR[f], dv[f], gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
         for a in range(3):
             error[a], error[3 + a], error[6 + a] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
         for a in range(9):
@@ -98,22 +95,23 @@ def residuals(factors: Increments, motion: Motion, out: Array) -> None:
 @kernel
 def cost(factors: Increments, motion: Motion) -> float:
     """Sum of squares of :func:`residuals`."""
-    white = np.empty((len(factors.dt), 9))
+    white = np.empty((len(factors.dt), KEYFRAME))
     residuals(factors, motion, white)
     squares = 0.0
     for f in range(len(white)):
-        for a in range(9):
+        for a in range(KEYFRAME):
             squares += white[f, a] * white[f, a]
     return squares
 
 
 @part
-def _jacobian(
-    dt: float, R_i: Array, R_j: Array, shift: Array, change: Array, inverse: Array, J: Array
+def jacobian_of(
+    dt: float, R_i: Array, R_j: Array, shift: Array, change: Array, inverse: Array, end: int, J: Array
 ) -> None:
-    """(9, 18) derivative of the error by (position, rotation, velocity) of both keyframes, left increments.
+    """Derivative of the nine errors by (position, rotation, velocity) of both keyframes, left increments.
 
-    R_i^T hat(a_W) = hat(R_i^T a_W) R_i^T; entries that are always zero are left alone.
+    The second keyframe's columns begin at ``end``. R_i^T hat(a_W) = hat(R_i^T a_W) R_i^T; entries that are
+    always zero are left alone.
     """
     for b in range(3):
         x, y, z = R_i[b, 0], R_i[b, 1], R_i[b, 2]
@@ -121,17 +119,71 @@ def _jacobian(
             J[a, b] = -R_i[b, a]
             J[a, 6 + b] = -R_i[b, a] * dt
             J[6 + a, 6 + b] = -R_i[b, a]
-            J[a, 9 + b] = R_i[b, a]
-            J[6 + a, 15 + b] = R_i[b, a]
+            J[a, end + b] = R_i[b, a]
+            J[6 + a, end + 6 + b] = R_i[b, a]
             turned = inverse[a, 0] * R_j[b, 0] + inverse[a, 1] * R_j[b, 1] + inverse[a, 2] * R_j[b, 2]
             J[3 + a, 3 + b] = -turned
-            J[3 + a, 12 + b] = turned
+            J[3 + a, end + 3 + b] = turned
         J[0, 3 + b] = shift[1] * z - shift[2] * y
         J[1, 3 + b] = shift[2] * x - shift[0] * z
         J[2, 3 + b] = shift[0] * y - shift[1] * x
         J[6, 3 + b] = change[1] * z - change[2] * y
         J[7, 3 + b] = change[2] * x - change[0] * z
         J[8, 3 + b] = change[0] * y - change[1] * x
+
+
+@part
+def add_products(
+    size: int,
+    i: int,
+    j: int,
+    whitener: Array,
+    width: int,
+    J: Array,
+    W_J: Array,
+    product: Array,
+    column: Index,
+    stride: int,
+    storage: Array,
+    gradient: Array,
+) -> None:
+    """Add J^T J and J^T r of one factor to the stored lower triangle and the gradient.
+
+    ``J``, ``W_J`` (size, width): columns of keyframe i, of keyframe j, and the error, so that J^T J holds
+    the gradient too; ``product`` (2 size, width) is scratch. ``width``, the length of a row, must be no
+    constant, of which the compiler would make single instructions.
+    """
+    W_J[:] = 0.0
+    for a in range(size):
+        for b in range(a + 1):
+            w = whitener[a, b]
+            for c in range(width):
+                W_J[a, c] += w * J[b, c]
+    product[:] = 0.0
+    for a in range(size):
+        for r in range(2 * size):
+            w = W_J[a, r]
+            for c in range(width):
+                product[r, c] += w * W_J[a, c]
+    for c in range(size):
+        gradient[column[i] + c] += product[c, 2 * size]
+        gradient[column[j] + c] += product[size + c, 2 * size]
+        at, end = (column[i] + c) * stride + column[i], (column[j] + c) * stride + column[j]
+        for r in range(c, size):
+            storage[at + r] += product[c, r]
+            storage[end + r] += product[size + c, size + r]
+        if column[i] < column[j]:
+            at = (column[i] + c) * stride + column[j]
+            for r in range(size):
+                storage[at + r] += product[c, size + r]
+        else:
+            at = (column[j] + c) * stride + column[i]
+            for r in range(size):
+                storage[at + r] += product[size + c, r]
+
+
+# Length of a row of J: 18 columns and the error, in whole vectors of eight.
+_ROW = 24
 
 
 @kernel
@@ -145,42 +197,14 @@ def accumulate(
     first, second, dt, dp, dR, dv, whitener, gravity = factors
     p_W, R_WB, v_W = motion
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
-    # Column 18 is the error, so that J^T J holds the gradient too.
-    inverse, J = np.empty((3, 3)), np.zeros((9, _ROW))
-    W_J, product = np.empty((9, _ROW)), np.empty((18, _ROW))
-    # As long as a row, but not a constant, of which the compiler would make single instructions.
-    width = _ROW - 9 + whitener.shape[1]
+    inverse, J = np.empty((3, 3)), np.zeros((KEYFRAME, _ROW))
+    W_J, product = np.empty((KEYFRAME, _ROW)), np.empty((2 * KEYFRAME, _ROW))
+    width = _ROW - KEYFRAME + whitener.shape[1]
     for f in range(len(dt)):
         i, j = first[f], second[f]
-        _error(i, j, dt[f], dp[f], dR[f], dv[f], gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
+        error_of(i, j, dt[f], dp[f], dR[f], dv[f], gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
         rotation.right_jacobian_inverse(turn, inverse)
-        _jacobian(dt[f], R_WB[i], R_WB[j], shift, change, inverse, J)
+        jacobian_of(dt[f], R_WB[i], R_WB[j], shift, change, inverse, KEYFRAME, J)
         for a in range(3):
             J[a, 18], J[3 + a, 18], J[6 + a, 18] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
-        W_J[:] = 0.0
-        for a in range(9):
-            for b in range(a + 1):
-                w = whitener[f, a, b]
-                for c in range(width):
-                    W_J[a, c] += w * J[b, c]
-        product[:] = 0.0
-        for a in range(9):
-            for r in range(18):
-                w = W_J[a, r]
-                for c in range(width):
-                    product[r, c] += w * W_J[a, c]
-        for c in range(9):
-            gradient[column[i] + c] += product[c, 18]
-            gradient[column[j] + c] += product[9 + c, 18]
-            at, end = (column[i] + c) * stride + column[i], (column[j] + c) * stride + column[j]
-            for r in range(c, 9):
-                storage[at + r] += product[c, r]
-                storage[end + r] += product[9 + c, 9 + r]
-            if column[i] < column[j]:
-                at = (column[i] + c) * stride + column[j]
-                for r in range(9):
-                    storage[at + r] += product[c, 9 + r]
-            else:
-                at = (column[j] + c) * stride + column[i]
-                for r in range(9):
-                    storage[at + r] += product[9 + c, r]
+        add_products(KEYFRAME, i, j, whitener[f], width, J, W_J, product, column, stride, storage, gradient)

@@ -157,15 +157,15 @@ def state_defect(p_W: Array, R_WB: Array, v_W: Array, X_W: Array, dphi_0: Array,
 
 @kernel
 def orbit_tangent(p_W: Array, v_W: Array, X_W: Array, dphi_0: Array, U: Array) -> None:
-    """Eq. (15) into ``U`` (9N + 3K, 4): columns (yaw, x, y, z), rows as in :mod:`vigauge.model.state`."""
-    n = len(p_W)
+    """Eq. (15) into ``U`` (n, 4): columns (yaw, x, y, z), rows as in :mod:`vigauge.model.state`."""
+    n, landmarks = len(p_W), len(U) - 3 * len(X_W)
     U[:] = 0.0
-    for vectors, start in ((p_W, 0), (v_W, 6 * n), (X_W, 9 * n)):
+    for vectors, start in ((p_W, 0), (v_W, 6 * n), (X_W, landmarks)):
         for i in range(len(vectors)):
             # e_z x a = (-a_y, a_x, 0)
             U[start + 3 * i, 0], U[start + 3 * i + 1, 0] = -vectors[i, 1], vectors[i, 0]
     for i in range(n + len(X_W)):
-        row = 3 * i if i < n else 9 * n + 3 * (i - n)
+        row = 3 * i if i < n else landmarks + 3 * (i - n)
         for a in range(3):
             U[row + a, 1 + a] = 1.0
     for i in range(n):

@@ -4,4 +4,6 @@
 POSE = 6
 # All of a keyframe: position, rotation, velocity.
 KEYFRAME = 9
+# And with the gyroscope's and the accelerometer's bias, where they are estimated.
+WITH_BIASES = 15
 LANDMARK = 3

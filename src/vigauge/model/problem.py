@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,9 @@ from ..geometry.camera import Camera
 from ..geometry.so3 import Array
 from ..kernels.covisibility import spread_pixels
 from ..kernels.inertial import Increments
+from ..kernels.inertial_biases import BiasedIncrements
 from ..kernels.lanes import LANES
+from ..kernels.sizes import KEYFRAME, WITH_BIASES
 from ..sparsity.structure import Structure
 from .factors import MotionFactor
 from .imu import Preintegrated
@@ -44,6 +47,11 @@ class InertialFactors:
     ``dt`` (F,) s, ``dp`` (F, 3) m, ``dR`` (F, 3, 3), ``dv`` (F, 3) m/s; ``covariance``
     (F, 9, 9) in the order (dp, rotation, dv).
 
+    Where biases are estimated: ``by_gyro_bias``, ``by_accel_bias`` (F, 9, 3), derivative of (dp, rotation
+    vector right of dR, dv) by the first keyframe's biases; ``gyro_bias``, ``accel_bias`` (F, 3), those at
+    which the increments are given; ``covariance`` (F, 15, 15) of (dp, rotation, dv, second keyframe's
+    gyroscope bias less the first's, accelerometer bias likewise).
+
     Raises DataError for other shapes, non-finite numbers, a keyframe joined with itself, times that
     are not positive, or covariances that are not positive definite.
     """
@@ -55,9 +63,20 @@ class InertialFactors:
     dR: Array
     dv: Array
     covariance: Array
+    by_gyro_bias: Array | None = None
+    by_accel_bias: Array | None = None
+    gyro_bias: Array | None = None
+    accel_bias: Array | None = None
 
     def __post_init__(self) -> None:
         count = np.size(self.dt)
+        of_biases: dict[str, Shape] = dict.fromkeys(("by_gyro_bias", "by_accel_bias"), (count, 9, 3))
+        of_biases |= dict.fromkeys(("gyro_bias", "accel_bias"), (count, 3))
+        given = [name for name in of_biases if getattr(self, name) is not None]
+        if given and len(given) < len(of_biases):
+            missing = next(name for name in of_biases if name not in given)
+            raise DataError("inertial factors", f"must be given with {given[0]}", field=missing)
+        width = WITH_BIASES if given else KEYFRAME
         _take(
             self,
             "inertial factors",
@@ -66,7 +85,8 @@ class InertialFactors:
                 "dp": (count, 3),
                 "dR": (count, 3, 3),
                 "dv": (count, 3),
-                "covariance": (count, 9, 9),
+                "covariance": (count, width, width),
+                **(of_biases if given else {}),
             },
             {"first": (count,), "second": (count,)},
         )
@@ -91,9 +111,36 @@ class InertialFactors:
             ) from error
 
     @classmethod
-    def chain(cls, factors: list[Preintegrated]) -> InertialFactors:
-        """Factors between consecutive keyframes 0-1, 1-2, ..."""
+    def chain(
+        cls,
+        factors: list[Preintegrated],
+        gyro_bias: Array | None = None,
+        accel_bias: Array | None = None,
+    ) -> InertialFactors:
+        """Factors between consecutive keyframes 0-1, 1-2, ...
+
+        ``gyro_bias``, ``accel_bias``: what was taken off the samples, (3,) or (F, 3), where biases are to be
+        estimated; the noise must then have a random walk of both.
+        """
         index = np.arange(len(factors), dtype=np.int64)
+        covariance = np.array([f.covariance for f in factors]).reshape(-1, KEYFRAME, KEYFRAME)
+        of_biases: dict[str, Array] = {}
+        if gyro_bias is not None or accel_bias is not None:
+            with_walk = np.array([f.walk_covariance for f in factors])
+            with_walk = with_walk.reshape(-1, WITH_BIASES, WITH_BIASES)
+            still = np.diagonal(with_walk, axis1=1, axis2=2)[:, KEYFRAME:] <= 0.0
+            if still.any():
+                row = int(np.argmax(still.any(axis=1)))
+                rule = "must have a random walk of both biases: ImuNoise(..., gyro_walk=, accel_walk=)"
+                raise DataError("inertial factors", rule, field="walk_covariance", row=row)
+            with_walk[:, :KEYFRAME, :KEYFRAME] += covariance
+            covariance = with_walk
+            for name, bias in (("gyro_bias", gyro_bias), ("accel_bias", accel_bias)):
+                shape = (3,) if np.ndim(bias) == 1 else (len(factors), 3)  # type: ignore[arg-type]
+                bias = reals("inertial factors", bias, shape, field=name)
+                of_biases[name] = np.broadcast_to(bias, (len(factors), 3)).copy()
+                by = np.array([getattr(f, f"by_{name}") for f in factors])
+                of_biases[f"by_{name}"] = by.reshape(-1, KEYFRAME, 3)
         return cls(
             first=index,
             second=index + 1,
@@ -101,12 +148,18 @@ class InertialFactors:
             dp=np.array([f.dp for f in factors]).reshape(-1, 3),
             dR=np.array([f.dR for f in factors]).reshape(-1, 3, 3),
             dv=np.array([f.dv for f in factors]).reshape(-1, 3),
-            covariance=np.array([f.covariance for f in factors]).reshape(-1, 9, 9),
+            covariance=covariance,
+            **of_biases,
         )
+
+    @property
+    def has_biases(self) -> bool:
+        """Whether the factors say how they follow a change of the biases."""
+        return self.gyro_bias is not None
 
     @cached_property
     def whitener(self) -> Array:
-        """(F, 9, 9) lower-triangular W with W cov W^T = I."""
+        """(F, 9, 9), with biases (F, 15, 15), lower-triangular W with W cov W^T = I."""
         return np.linalg.inv(np.linalg.cholesky(self.covariance))
 
 
@@ -121,9 +174,11 @@ class Problem:
     obs_keyframe, obs_camera, obs_landmark : (M,) int64 indices, ordered by landmark, then keyframe
     obs_uv : (M, 2) ideal (undistorted) pixels
     sigma_px : standard deviation of one pixel coordinate
-    inertial : preintegrated factors, biases taken off
+    inertial : preintegrated factors, known biases taken off
     gravity : g in m/s^2; g_W = (0, 0, -g)
     factors : further residuals on keyframes (GNSS, compass, ...), see :class:`.factors.MotionFactor`
+    biases : "known": taken off the samples, no part of the state. "estimated": one of each sensor a
+        keyframe, in the state; the inertial factors then say how they follow them
 
     Raises DataError where shapes, indices, order or numbers are wrong.
     """
@@ -138,6 +193,7 @@ class Problem:
     inertial: InertialFactors
     gravity: float
     factors: tuple[MotionFactor, ...] = ()
+    biases: Literal["known", "estimated"] = "known"
 
     def __post_init__(self) -> None:
         m = np.shape(self.obs_uv)[0] if np.ndim(self.obs_uv) else 0
@@ -153,12 +209,32 @@ class Problem:
         ):
             indices("problem", index, count, field=name)
         self._require_order()
+        self._require_biases()
         number("problem", self.sigma_px, field="sigma_px", above=0.0)
         if number("problem", self.gravity, field="gravity") < 0.0:
             rule = "must not be negative: it is the g of g_W = (0, 0, -g)"
             raise DataError("problem", rule, field="gravity", value=self.gravity)
         for place, factor in enumerate(self.factors):
             indices(f"problem, factors {place}", factor.keyframes, n, field="keyframes")
+
+    def _require_biases(self) -> None:
+        """State and inertial factors must both have biases, or neither."""
+        if self.biases not in ("known", "estimated"):
+            raise DataError("problem", "must be 'known' or 'estimated'", field="biases", value=self.biases)
+        for has, what, how in (
+            (self.initial.has_biases, "initial", "state.with_biases(gyro_bias, accel_bias)"),
+            (self.inertial.has_biases, "inertial", "InertialFactors.chain(factors, gyro_bias, accel_bias)"),
+        ):
+            if has != self.estimates_biases:
+                rule = f"must have biases where they are estimated: {how}"
+                if has:
+                    rule = "must have no biases where they are known; say biases='estimated'"
+                raise DataError("problem", rule, field=what)
+
+    @property
+    def estimates_biases(self) -> bool:
+        """Whether the biases are part of the state."""
+        return self.biases == "estimated"
 
     def _require_order(self) -> None:
         """Observations of a landmark and keyframe are one pair, so what belongs together must be adjacent."""
@@ -198,6 +274,7 @@ class Problem:
         inertial: InertialFactors,
         gravity: float,
         factors: tuple[MotionFactor, ...] = (),
+        biases: Literal["known", "estimated"] = "known",
     ) -> Problem:
         """Build from observations in any order (they are sorted by landmark, keyframe, camera)."""
         camera, keyframe, landmark = (
@@ -219,6 +296,7 @@ class Problem:
             inertial=inertial,
             gravity=gravity,
             factors=factors,
+            biases=biases,
         )
 
     def require_fits(self, state: State) -> State:
@@ -245,6 +323,7 @@ class Problem:
             len(self.cameras),
             (self.obs_keyframe, self.obs_camera, self.obs_landmark),
             self._joined,
+            self.initial.width,
         )
 
     @property
@@ -256,10 +335,14 @@ class Problem:
         return np.concatenate([first, more[:, 0]]), np.concatenate([second, more[:, 1]])
 
     @cached_property
-    def increments(self) -> Increments:
+    def increments(self) -> Increments | BiasedIncrements:
         """The inertial factors as the kernels read them."""
         f = self.inertial
-        return Increments(f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, float(self.gravity))
+        out = Increments(f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, float(self.gravity))
+        if f.by_gyro_bias is None or f.by_accel_bias is None or f.gyro_bias is None or f.accel_bias is None:
+            return out
+        by_bias = np.concatenate([f.by_gyro_bias, f.by_accel_bias], axis=2)
+        return BiasedIncrements(out, by_bias, np.concatenate([f.gyro_bias, f.accel_bias], axis=1))
 
     @cached_property
     def pixels(self) -> Array:

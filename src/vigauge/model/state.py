@@ -4,8 +4,8 @@ Parametrisation (Section III-A): rotations of keyframes i > 0 take left incremen
 world frame, Eq. (8); the first one is ``Exp(dphi_0) R_WB0_ref`` with the *total*
 increment dphi_0 as its parameter, Eq. (9), so that its yaw can be held.
 
-Order of parameters, here and in every matrix: all positions, all rotations, all
-velocities (9N), then the landmarks (3K).
+Order of parameters, here and in every matrix: all positions, all rotations, all velocities, where
+they are estimated all gyroscope and all accelerometer biases (9N or 15N), then the landmarks (3K).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from ..errors import DataError
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..kernels import rotation
+from ..kernels.sizes import KEYFRAME, WITH_BIASES
 
 _SHAPES: dict[str, tuple[int | str, ...]] = {
     "p_W": ("N", 3),
@@ -29,6 +30,7 @@ _SHAPES: dict[str, tuple[int | str, ...]] = {
     "dphi_0": (3,),
     "R_WB0_ref": (3, 3),
 }
+BIASES = ("gyro_bias", "accel_bias")
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class State:
     X_W : (K, 3) landmarks, m
     dphi_0 : (3,) total increment of the first rotation, rad, Eq. (9)
     R_WB0_ref : (3, 3) first rotation at dphi_0 = 0 (R_0^0 of the paper)
+    gyro_bias, accel_bias : (N, 3) biases in the body frame, rad/s and m/s^2; both None where they are known
+        and no part of the state
     """
 
     p_W: Array
@@ -51,6 +55,8 @@ class State:
     X_W: Array
     dphi_0: Array
     R_WB0_ref: Array
+    gyro_bias: Array | None = None
+    accel_bias: Array | None = None
 
     def __post_init__(self) -> None:
         # One form for compiled code; arrays that have it are kept as they are. Numbers may be anything here:
@@ -67,9 +73,28 @@ class State:
             if getattr(self, name).shape != shape:
                 found = getattr(self, name).shape
                 raise DataError("state", f"must have shape {shape}", field=name, value=found)
+        if self.gyro_bias is None and self.accel_bias is None:
+            return
+        for name in BIASES:
+            array = getattr(self, name)
+            if array is None:
+                raise DataError("state", "must be given where the other bias is", field=name)
+            if type(array) is not np.ndarray or array.dtype != np.float64 or not array.flags.c_contiguous:
+                array = reals("state", array, (n, 3), field=name)
+                object.__setattr__(self, name, array)
+            if array.shape != (n, 3):
+                raise DataError("state", f"must have shape {(n, 3)}", field=name, value=array.shape)
 
     @classmethod
-    def start(cls, p_W: Array, R_WB: Array, v_W: Array, X_W: Array) -> State:
+    def start(
+        cls,
+        p_W: Array,
+        R_WB: Array,
+        v_W: Array,
+        X_W: Array,
+        gyro_bias: Array | None = None,
+        accel_bias: Array | None = None,
+    ) -> State:
         """A state whose first rotation is its own reference: dphi_0 = 0.
 
         Raises DataError for wrong shapes, non-finite numbers or matrices that are no rotations.
@@ -80,7 +105,22 @@ class State:
         }
         # Without a keyframe there is no first rotation; what refuses that stands in one place.
         R_ref = np.concatenate([arrays["R_WB"], np.eye(3)[None]])[0]
-        return cls(**arrays, dphi_0=np.zeros(3), R_WB0_ref=R_ref).require_valid()
+        out = cls(**arrays, dphi_0=np.zeros(3), R_WB0_ref=R_ref, gyro_bias=gyro_bias, accel_bias=accel_bias)
+        return out.require_valid()
+
+    def with_biases(self, gyro_bias: Array, accel_bias: Array) -> State:
+        """This state with biases to estimate: (3,) for all keyframes, or (N, 3).
+
+        Raises DataError for other shapes or numbers that are not finite.
+        """
+        biases = {
+            name: np.broadcast_to(
+                reals("state", bias, (3,) if np.ndim(bias) == 1 else (self.n_keyframes, 3), field=name),
+                (self.n_keyframes, 3),
+            ).copy()
+            for name, bias in zip(BIASES, (gyro_bias, accel_bias), strict=True)
+        }
+        return replace(self, **biases)
 
     def require_valid(self) -> State:
         """This state, if it is one: as :meth:`start` asks, and with Eq. (9) true of the first rotation.
@@ -88,6 +128,8 @@ class State:
         Raises DataError. For states from outside; the methods of a valid state keep it valid.
         """
         arrays = [getattr(self, name) for name in _SHAPES]
+        for name in self._biases:
+            reals("state", getattr(self, name), (self.n_keyframes, 3), field=name)
         if rotation.state_defect(*arrays) < 1e-6:
             return self
         for name, array in zip(_SHAPES, arrays, strict=True):
@@ -108,11 +150,14 @@ class State:
         return self
 
     def require_size(self, other: State) -> None:
-        """DataError where another state has not as many keyframes and landmarks as this one."""
+        """DataError where another state has not as many keyframes and landmarks, or biases, as this one."""
         mine, others = (self.n_keyframes, self.n_landmarks), (other.n_keyframes, other.n_landmarks)
         if mine != others:
             rule = f"must have {mine[0]} keyframes and {mine[1]} landmarks"
             raise DataError("state", rule, value=others)
+        if self.has_biases != other.has_biases:
+            rule = "must be given: they are estimated" if self.has_biases else "must be None: they are known"
+            raise DataError("state", rule, field="gyro_bias and accel_bias")
 
     @property
     def n_keyframes(self) -> int:
@@ -124,8 +169,27 @@ class State:
 
     @property
     def n_parameters(self) -> int:
-        """n = 9N + 3K of Table I."""
-        return 9 * self.n_keyframes + 3 * self.n_landmarks
+        """n = 9N + 3K of Table I, 15N + 3K with biases."""
+        return self.n_motion + 3 * self.n_landmarks
+
+    @property
+    def has_biases(self) -> bool:
+        """Whether biases are part of the state."""
+        return self.gyro_bias is not None
+
+    @property
+    def _biases(self) -> tuple[str, ...]:
+        return BIASES if self.has_biases else ()
+
+    @property
+    def width(self) -> int:
+        """Parameters of a keyframe: 9, or 15 with biases."""
+        return KEYFRAME if self.gyro_bias is None else WITH_BIASES
+
+    @property
+    def n_motion(self) -> int:
+        """Parameters of all keyframes: 9N, or 15N with biases."""
+        return self.width * self.n_keyframes
 
     @property
     def local_origin(self) -> Array | None:
@@ -142,7 +206,7 @@ class State:
         return self.p_W[0] if size > 100.0 * np.abs(self.p_W - self.p_W[0]).max() else None
 
     def retract(self, delta: Array) -> State:
-        """The state moved by an increment (9N + 3K,) in the order of this module, Eqs. (8)-(9).
+        """The state moved by an increment (n,) in the order of this module, Eqs. (8)-(9).
 
         Raises DataError for another length or numbers that are not finite.
         """
@@ -151,7 +215,8 @@ class State:
     def stepped(self, delta: Array) -> State:
         """As :meth:`retract`, for an increment that is known to be one: a solver's own step."""
         n = self.n_keyframes
-        step = delta[: 9 * n].reshape(3, n, 3)
+        n_motion = self.n_motion
+        step = delta[:n_motion].reshape(-1, n, 3)
         dphi_0 = self.dphi_0 + step[1, 0]
         R_WB = np.empty_like(self.R_WB)
         rotation.retract_rotations(self.R_WB, step[1], dphi_0, self.R_WB0_ref, R_WB)
@@ -159,13 +224,15 @@ class State:
             p_W=self.p_W + step[0],
             R_WB=R_WB,
             v_W=self.v_W + step[2],
-            X_W=self.X_W + delta[9 * n :].reshape(-1, 3),
+            X_W=self.X_W + delta[n_motion:].reshape(-1, 3),
             dphi_0=dphi_0,
             R_WB0_ref=self.R_WB0_ref,
+            gyro_bias=None if self.gyro_bias is None else self.gyro_bias + step[3],
+            accel_bias=None if self.accel_bias is None else self.accel_bias + step[4],
         )
 
     def local(self, other: State) -> Array:
-        """The increment d (9N + 3K,) after which ``self.retract(d)`` has the poses of ``other``.
+        """The increment d (n,) after which ``self.retract(d)`` has the poses of ``other``.
 
         Raises DataError where the two differ in size or one is no valid state.
         """
@@ -180,12 +247,15 @@ class State:
                 (other.p_W - self.p_W).ravel(),
                 turn.ravel(),
                 (other.v_W - self.v_W).ravel(),
+                *((getattr(other, name) - getattr(self, name)).ravel() for name in self._biases),
                 (other.X_W - self.X_W).ravel(),
             ]
         )
 
     def transformed(self, yaw: float, t_W: Array) -> State:
         """g(theta) of Eqs. (4)-(5): turned by ``yaw`` (rad) about gravity, then shifted by t_W (m).
+
+        Biases are in the body frame and stay.
 
         Raises DataError for a shift of another shape or numbers that are not finite.
         """

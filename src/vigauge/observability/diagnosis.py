@@ -45,6 +45,8 @@ COMBINATION = "combination"
 STILL = "standing still"
 _REPEATED = "standing still: all views repeat the first, so their errors are not independent"
 _LANDMARKS_ONLY = {"position": 0.0, "rotation": 0.0, "velocity": 0.0, "landmark": 1.0}
+# In the order of the parameters; biases where they are estimated.
+_KINDS = ("position", "rotation", "velocity", "gyroscope bias", "accelerometer bias")
 
 
 @dataclass(frozen=True)
@@ -231,7 +233,7 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
         raise DataError("normal equations", "must be finite at the state")
     landmarks, filled = _fill_landmarks(equations)
     reduced = filled.eliminate()
-    n_motion = 9 * state.n_keyframes
+    n_motion = state.n_motion
     null = NullSpace(reduced.matrix, equations.diagonal()[:n_motion])
     found = _Findings(null, reduced, equations)
     tangent = local_tangent(YawTranslation(), state)[:n_motion]
@@ -317,7 +319,7 @@ class _Findings:
 
     def shares(self, vectors: Array) -> dict[str, float]:
         """Shares by block, the landmarks that go along with the motion included."""
-        squares = (vectors**2).reshape(3, -1).sum(axis=1)
+        squares = (vectors**2).reshape(self.reduced.structure.layout.width // 3, -1).sum(axis=1)
         landmark = 0.0
         if self.reduced.structure.n_landmarks:
             motion = vectors / self.null.scale[:, None]
@@ -325,7 +327,7 @@ class _Findings:
             step = self.reduced.through_landmarks(none, motion).reshape(-1, 3, vectors.shape[1])
             diagonal = np.diagonal(self.equations.landmark, axis1=1, axis2=2)
             landmark = float(np.sum(diagonal[:, :, None] * step**2))
-        parts = dict(zip(("position", "rotation", "velocity"), map(float, squares), strict=True))
+        parts = dict(zip(_KINDS, map(float, squares), strict=False))
         total = float(squares.sum()) + landmark
         return {name: value / total for name, value in (parts | {"landmark": landmark}).items()}
 

@@ -1,12 +1,14 @@
 """Motions that measurements may be blind to: what the null space of H is compared with.
 
-Each is a tangent vector of the motion parameters (9N,), the landmarks going along with it
+Each is a tangent vector of the motion parameters (9N or 15N), the landmarks going along with it
 as the measurements want: rigid motions and scaling of all keyframes or of one part of the
 measurement graph, the drift and tilt of a chain of inertial factors, and the pose or
 velocity of one keyframe.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse
@@ -50,8 +52,16 @@ def _times(problem: Problem) -> Array:
     return t
 
 
+def _padded(state: State, parts: Sequence[Array]) -> Array:
+    """(n,) motion of positions, rotations and velocities (N, 3); biases stay."""
+    out = np.zeros(state.n_motion)
+    moved = np.concatenate([part.ravel() for part in parts])
+    out[: len(moved)] = moved
+    return out
+
+
 def _moves(problem: Problem, state: State, rows: NDArray[np.bool_]) -> dict[str, Array]:
-    """Rigid motions and scaling of some keyframes, with the landmarks that they see: (9N, c) each."""
+    """Rigid motions and scaling of some keyframes, with the landmarks that they see: (n, c) each."""
     n = state.n_keyframes
     e = np.eye(3)
     centre = state.p_W[rows].mean(axis=0)
@@ -62,7 +72,7 @@ def _moves(problem: Problem, state: State, rows: NDArray[np.bool_]) -> dict[str,
 
     def stacked(p: Array, phi: Array, v: Array) -> Array:
         keep = rows[:, None].astype(float)
-        return np.concatenate([(keep * p).ravel(), (keep * phi).ravel(), (keep * v).ravel()])
+        return _padded(state, [keep * p, keep * phi, keep * v])
 
     zero = np.zeros((n, 3))
     turns = [
@@ -81,16 +91,13 @@ def _dead_reckoning(problem: Problem, state: State) -> dict[str, Array]:
     n, t = state.n_keyframes, _times(problem)[:, None]
     zero, e = np.zeros((n, 3)), np.eye(3)
     g_W = np.array([0.0, 0.0, -problem.gravity])
-    drift = [np.concatenate([(t * axis).ravel(), zero.ravel(), (zero + axis).ravel()]) for axis in e]
+    drift = [_padded(state, [t * axis, zero, zero + axis]) for axis in e]
     chain = np.broadcast_to(e, (n, 3, 3)).copy()
     chain[0] = so3.left_jacobian_inverse(state.dphi_0)
     tilt = [
-        np.concatenate(
-            [
-                np.cross(axis, state.p_W - 0.5 * g_W * t**2).ravel(),
-                (chain @ axis).ravel(),
-                np.cross(axis, state.v_W - g_W * t).ravel(),
-            ]
+        _padded(
+            state,
+            [np.cross(axis, state.p_W - 0.5 * g_W * t**2), chain @ axis, np.cross(axis, state.v_W - g_W * t)],
         )
         for axis in e[:2]
     ]
@@ -100,11 +107,11 @@ def _dead_reckoning(problem: Problem, state: State) -> dict[str, Array]:
 def unobservable_moves(problem: Problem, state: State) -> list[tuple[str, tuple[int, ...], Array]]:
     """Motions that may leave all measurements as they are, what is most particular first."""
     n = state.n_keyframes
-    unit = np.eye(9 * n)
-    columns = motion_columns(n)
+    unit = np.eye(state.n_motion)
+    columns = motion_columns(n, state.width)
     everything = np.ones(n, dtype=bool)
     out: list[tuple[str, tuple[int, ...], Array]] = []
-    out += [("velocity", (i,), unit[:, columns[i, 6:]]) for i in range(n)]
+    out += [("velocity", (i,), unit[:, columns[i, 6:9]]) for i in range(n)]
     whole = _moves(problem, state, everything)
     out += [(kind, (), whole[kind]) for kind in ("scale", "roll and pitch")]
     if len(problem.inertial.dt):
@@ -117,12 +124,12 @@ def unobservable_moves(problem: Problem, state: State) -> list[tuple[str, tuple[
             members = tuple(map(int, np.flatnonzero(rows)))
             out += [(kind, members, moves) for kind, moves in _moves(problem, state, rows).items()]
     out += [("pose", (i,), unit[:, columns[i, :6]]) for i in range(n)]
-    out += [("pose and velocity", (i,), unit[:, columns[i]]) for i in range(n)]
+    out += [("pose and velocity", (i,), unit[:, columns[i, :9]]) for i in range(n)]
     return out
 
 
 def scaling(problem: Problem, state: State) -> tuple[Array, Array]:
-    """Everything scaled about the mean of the camera's centres: motion part (9N,), landmarks (K, 3)."""
+    """Everything scaled about the mean of the camera's centres: motion part (n,), landmarks (K, 3)."""
     everything = np.ones(state.n_keyframes, dtype=bool)
     centre = _eyes(problem, state).mean(axis=0)
     return _moves(problem, state, everything)["scale"][:, 0], state.X_W - centre

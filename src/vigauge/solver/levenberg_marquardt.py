@@ -190,7 +190,11 @@ def _state_norm(state: State, origin: Array | None) -> float:
     Lengths are about ``origin``, if any: next to the distance of the Earth's centre every step is short.
     """
     p_W, X_W = (state.p_W, state.X_W) if origin is None else (state.p_W - origin, state.X_W - origin)
-    return math.sqrt(squares(p_W, state.v_W, X_W, state.dphi_0) + state.n_keyframes - 1)
+    total = squares(p_W, state.v_W, X_W, state.dphi_0) + state.n_keyframes - 1
+    if state.gyro_bias is not None and state.accel_bias is not None:
+        total += float(np.vdot(state.gyro_bias, state.gyro_bias))
+        total += float(np.vdot(state.accel_bias, state.accel_bias))
+    return math.sqrt(total)
 
 
 def solve(

@@ -3,6 +3,7 @@
 H = J^T J has three kinds of block: one of the motion (9N x 9N, banded for long flights), a
 6 x 3 block a (keyframe, landmark) pair, and a 3 x 3 block a landmark. The Schur complement
 onto the motion, S = A - W C^-1 W^T (the reduced camera system), is all that is ever factorised.
+Where biases are estimated, 9N is 15N here and in the rest of this module.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from ..errors import DegenerateError, SolverError
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..kernels import first_rotation as first_rotation_kernels
-from ..kernels import inertial as inertial_kernels
 from ..kernels import schur, symmetric, visual
 from ..kernels.lanes import LANES
 from ..kernels.schur import Couplings
@@ -27,7 +27,7 @@ from ..sparsity.layout import Index, by_keyframe
 from ..sparsity.rounding import rounding
 from ..sparsity.structure import Structure
 from .factors import add_factor, linear_factors
-from .residuals import camera_rotations, inertial_inputs
+from .residuals import camera_rotations, inertial_inputs, inertial_kernels
 from .workers import ALONE, Workers
 
 
@@ -91,6 +91,7 @@ class NormalEquations:
             self.landmark,
             self.landmark_gradient,
             layout.stored,
+            int(first_rotation.columns(self.structure.n_keyframes)[0]),
             layout.first_rotation,
             layout.stride,
             self.chain,
@@ -106,7 +107,13 @@ class NormalEquations:
         """Take a stored system and its gradient to total increments, add the ``total`` factors; in place."""
         layout = self.structure.layout
         first_rotation_kernels.system_to_total(
-            storage, gradient, layout.first_rotation, layout.stride, layout.half_bandwidth, self.chain
+            storage,
+            gradient,
+            layout.first_rotation,
+            layout.width,
+            layout.stride,
+            layout.half_bandwidth,
+            self.chain,
         )
         for factor in self.total:
             add_factor(factor, layout, storage, gradient)
@@ -205,7 +212,7 @@ class NormalEquations:
     def dense(self) -> Array:
         """(9N + 3K, 9N + 3K) H itself: for small problems, tests and pictures."""
         s = self.structure
-        n_motion = 9 * s.n_keyframes
+        n_motion = s.layout.size
         H = np.zeros((n_motion + 3 * s.n_landmarks,) * 2)
         H[:n_motion, :n_motion] = self.motion
         rows = s.columns[s.pairs.keyframe, :6][:, :, None]
@@ -275,7 +282,7 @@ class ReducedSystem:
     def couple(self, landmark: Array) -> tuple[Array, Array]:
         """W C^-1 V (9N, d) and V^T C^-1 V (d, d) of landmark columns V (3K, d)."""
         s, d = self.structure, landmark.shape[1]
-        out, gram = np.zeros((3, s.n_keyframes, 3, d)), np.zeros((d, d))
+        out, gram = np.zeros((s.layout.width // 3, s.n_keyframes, 3, d)), np.zeros((d, d))
         schur.couple(self.couplings, self.factor, s.batches, landmark.reshape(-1, 3, d), out, gram)
         out[1, 0] = self.chain.T @ out[1, 0]
         return out.reshape(-1, d), gram
@@ -356,7 +363,7 @@ def linearise(
     pose = sum(shares[1:], shares[0]) if shares else np.zeros((s.n_keyframes, visual.POSE_ENTRIES))
     storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
     visual.spread_poses(pose, layout.column, layout.stride, storage, gradient)
-    inertial_kernels.accumulate(
+    inertial_kernels(problem).accumulate(
         *inertial_inputs(problem, state), layout.column, layout.stride, storage, gradient
     )
     factors = linear_factors(problem, state)
@@ -376,13 +383,14 @@ def inertial_information(problem: Problem, state: State) -> Array:
     problem.initial.require_size(state)
     layout = problem.structure.layout
     storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
-    inertial_kernels.accumulate(
+    inertial_kernels(problem).accumulate(
         *inertial_inputs(problem, state), layout.column, layout.stride, storage, gradient
     )
     first_rotation_kernels.system_to_total(
         storage,
         gradient,
         layout.first_rotation,
+        layout.width,
         layout.stride,
         layout.half_bandwidth,
         first_rotation.chain(state),

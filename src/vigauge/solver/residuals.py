@@ -7,13 +7,15 @@ Rotation derivatives are with respect to left increments in the world frame, Eq.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
 from ..geometry.so3 import Array
-from ..kernels import inertial as inertial_kernels
+from ..kernels import inertial, inertial_biases
 from ..kernels import visual as visual_kernels
 from ..kernels.inertial import Increments, Motion
+from ..kernels.inertial_biases import BiasedIncrements, BiasedMotion
 from ..model.problem import Problem
 from ..model.state import State
 
@@ -26,9 +28,19 @@ def camera_rotations(problem: Problem, state: State) -> Array:
     return R_CW
 
 
-def inertial_inputs(problem: Problem, state: State) -> tuple[Increments, Motion]:
-    """What the inertial kernels read, of a state that has the problem's size."""
-    return problem.increments, Motion(state.p_W, state.R_WB, state.v_W)
+def inertial_kernels(problem: Problem) -> ModuleType:
+    """``residuals``, ``cost`` and ``accumulate`` of inertial factors, with or without biases."""
+    return inertial_biases if problem.estimates_biases else inertial
+
+
+def inertial_inputs(
+    problem: Problem, state: State
+) -> tuple[Increments | BiasedIncrements, Motion | BiasedMotion]:
+    """What :func:`inertial_kernels` read, of a state that has the problem's size."""
+    motion = Motion(state.p_W, state.R_WB, state.v_W)
+    if state.gyro_bias is None or state.accel_bias is None:
+        return problem.increments, motion
+    return problem.increments, BiasedMotion(motion, state.gyro_bias, state.accel_bias)
 
 
 @dataclass(frozen=True)
@@ -56,7 +68,7 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
         problem.structure.batches,
         problem.pixels,
     )
-    squares += inertial_kernels.cost(*inertial_inputs(problem, state))
+    squares += inertial_kernels(problem).cost(*inertial_inputs(problem, state))
     for factor in problem.factors:
         residual = factor.at(state, problem.initial).residual
         squares += float(residual @ residual)
@@ -85,10 +97,13 @@ def visual_residual(problem: Problem, state: State) -> Array:
 
 
 def inertial_residual(problem: Problem, state: State) -> Array:
-    """(F, 9) whitened r^I of Eq. (1), order (position, rotation, velocity)."""
+    """(F, 9) whitened r^I of Eq. (1), order (position, rotation, velocity).
+
+    With biases (F, 15): then the steps of the gyroscope's and the accelerometer's bias.
+    """
     problem.initial.require_size(state)
-    out = np.empty((len(problem.inertial.dt), 9))
-    inertial_kernels.residuals(*inertial_inputs(problem, state), out)
+    out = np.empty((len(problem.inertial.dt), problem.initial.width))
+    inertial_kernels(problem).residuals(*inertial_inputs(problem, state), out)
     return out
 
 

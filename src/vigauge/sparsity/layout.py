@@ -1,6 +1,6 @@
 """How the motion block of H and the reduced camera system are stored: one lower triangle, dense or banded.
 
-Inside, a keyframe's nine parameters stand together and keyframes are ordered so that
+Inside, a keyframe's parameters, nine or with biases fifteen, stand together and keyframes are ordered so that
 those that share landmarks are near each other: the triangle is then a band for a long
 flight. An entry (r, c), r >= c, sits at ``storage[c * stride + r]`` in both forms (LAPACK's
 column order, full or band), so whoever fills it need not know which one it is.
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..errors import SolverError
 from ..geometry.so3 import Array
 from ..kernels import covisibility, symmetric
+from ..kernels.sizes import KEYFRAME
 
 Index = NDArray[np.int64]
 
@@ -27,25 +28,17 @@ SMALLEST_BAND = 180
 WIDEST_BAND = 0.4
 
 
-def motion_columns(n_keyframes: int) -> Index:
-    """(N, 9) columns of (p_i, rotation_i, v_i) in the motion order of the package."""
+def motion_columns(n_keyframes: int, width: int = KEYFRAME) -> Index:
+    """(N, 9) columns of (p_i, rotation_i, v_i) in the motion order of the package, (N, 15) with biases."""
     base = 3 * np.arange(n_keyframes)[:, None] + np.arange(3)
-    return np.concatenate([base, base + 3 * n_keyframes, base + 6 * n_keyframes], axis=1)
+    return np.concatenate([base + 3 * n_keyframes * kind for kind in range(width // 3)], axis=1)
 
 
 def by_keyframe(motion: Array, n_keyframes: int) -> Array:
-    """(N, 9, ...) view per keyframe of motion quantities (9N, ...) in the package's order."""
+    """(N, 9, ...) view per keyframe of motion quantities (9N, ...) in the package's order; 15 with biases."""
     rest = motion.shape[1:]
-    blocks = motion.reshape(3, n_keyframes, 3, *rest).swapaxes(0, 1)
-    return blocks.reshape(n_keyframes, 9, *rest)
-
-
-def _half_bandwidth(reach: int) -> int:
-    return 9 * reach + 8
-
-
-def _pays(reach: int, n: int) -> bool:
-    return _half_bandwidth(reach) < WIDEST_BAND * n
+    blocks = motion.reshape(-1, n_keyframes, 3, *rest).swapaxes(0, 1)
+    return blocks.reshape(n_keyframes, -1, *rest)
 
 
 def _reach(place: Index, k: int, keyframe: Index, landmark: Index, first: Index, second: Index) -> int:
@@ -83,34 +76,43 @@ class Layout:
     place : (N,) position of each keyframe in the stored order
     half_bandwidth : largest r - c of an entry that may be filled
     banded : whether only the band is stored
+    width : parameters of a keyframe, 9 or 15
     """
 
     place: Index
     half_bandwidth: int
     banded: bool
+    width: int = KEYFRAME
 
     @classmethod
     def choose(
-        cls, n_keyframes: int, n_landmarks: int, keyframe: Index, landmark: Index, first: Index, second: Index
+        cls,
+        n_keyframes: int,
+        n_landmarks: int,
+        keyframe: Index,
+        landmark: Index,
+        first: Index,
+        second: Index,
+        width: int = KEYFRAME,
     ) -> Layout:
         """Keyframes in their own order where that gives a band, else in reverse Cuthill-McKee, else dense.
 
         ``keyframe`` and ``landmark`` (M,) of every observation; ``first`` and ``second`` (F,) keyframes
         that an inertial or motion factor joins.
         """
-        n = 9 * n_keyframes
+        n = width * n_keyframes
         seen = n_landmarks, keyframe, landmark, first, second
         place = np.arange(n_keyframes, dtype=np.int64)
         if n < SMALLEST_BAND:
-            return cls(place, n - 1, False)
-        reach = _reach(place, *seen)
-        if _pays(reach, n):
-            return cls(place, _half_bandwidth(reach), True)
+            return cls(place, n - 1, False, width)
+        half_bandwidth = width * (_reach(place, *seen) + 1) - 1
+        if half_bandwidth < WIDEST_BAND * n:
+            return cls(place, half_bandwidth, True, width)
         place = _near_neighbours(n_keyframes, *seen)
-        reach = _reach(place, *seen)
-        if _pays(reach, n):
-            return cls(place, _half_bandwidth(reach), True)
-        return cls(np.arange(n_keyframes, dtype=np.int64), n - 1, False)
+        half_bandwidth = width * (_reach(place, *seen) + 1) - 1
+        if half_bandwidth < WIDEST_BAND * n:
+            return cls(place, half_bandwidth, True, width)
+        return cls(np.arange(n_keyframes, dtype=np.int64), n - 1, False, width)
 
     @property
     def reordered(self) -> bool:
@@ -119,8 +121,8 @@ class Layout:
 
     @cached_property
     def size(self) -> int:
-        """9N."""
-        return 9 * len(self.place)
+        """9N or 15N."""
+        return self.width * len(self.place)
 
     @cached_property
     def stride(self) -> int:
@@ -134,7 +136,7 @@ class Layout:
     @cached_property
     def column(self) -> Index:
         """(N,) first stored column of each keyframe."""
-        return 9 * self.place
+        return self.width * self.place
 
     @cached_property
     def first_rotation(self) -> int:
@@ -143,13 +145,13 @@ class Layout:
 
     @cached_property
     def columns(self) -> Index:
-        """(N, 9) columns of each keyframe in the package's order."""
-        return motion_columns(len(self.place))
+        """(N, width) columns of each keyframe in the package's order."""
+        return motion_columns(len(self.place), self.width)
 
     @cached_property
     def stored(self) -> Index:
         """(9N,) stored column of each column of the package's order."""
-        of_kind = 3 * np.arange(3)[:, None, None] + np.arange(3)
+        of_kind = 3 * np.arange(self.width // 3)[:, None, None] + np.arange(3)
         return (self.column[:, None] + of_kind).ravel()
 
     def diagonal(self, storage: Array) -> Array:

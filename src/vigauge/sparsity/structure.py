@@ -9,6 +9,7 @@ import numpy as np
 
 from ..kernels import covisibility
 from ..kernels.lanes import LANES, Batches
+from ..kernels.sizes import KEYFRAME, POSE
 from .layout import Index, Layout
 
 # What a group costs besides the products of its landmarks, and each entry of its product, in
@@ -71,15 +72,16 @@ class Structure:
         n_cameras: int,
         observed: tuple[Index, Index, Index],
         joined: tuple[Index, Index],
+        width: int = KEYFRAME,
     ) -> Structure:
-        """Of ``n`` keyframes and ``k`` landmarks.
+        """Of ``n`` keyframes, ``width`` parameters each, and ``k`` landmarks.
 
         ``observed`` (M,) keyframe, camera and landmark of every observation, ordered by landmark, then
         keyframe; ``joined`` (F,) first and second keyframes that a factor joins.
         """
         keyframe, camera, landmark = observed
         m = len(landmark)
-        layout = Layout.choose(n, k, keyframe, landmark, *joined)
+        layout = Layout.choose(n, k, keyframe, landmark, *joined, width)
         first, last, number = (np.empty(size, dtype=np.int64) for size in (k, k, n))
         covisibility.spans(keyframe, landmark, layout.place, first, last)
         count = covisibility.join(first, last, n, CALL_COST, ENTRY_COST, number)
@@ -170,10 +172,10 @@ class Structure:
         """Stored entries of the motion block that the groups of a piece have a share in lie in this range."""
         groups = slice(self.group_seen[piece[0]], self.group_seen[piece[1]])
         columns = self.layout.column[self.seen[groups]]
-        low, high = int(columns.min()), int(columns.max()) + 8
+        low, high = int(columns.min()), int(columns.max()) + POSE - 1
         return slice(low * (self.layout.stride + 1), high * (self.layout.stride + 1) + 1)
 
     @property
     def columns(self) -> Index:
-        """(N, 9) columns of each keyframe in the package's order."""
+        """(N, width) columns of each keyframe in the package's order."""
         return self.layout.columns

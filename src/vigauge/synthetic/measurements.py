@@ -23,7 +23,7 @@ def ideal_imu(trajectory: SplineTrajectory, t_ns: NDArray[np.int64], gravity: fl
 def corrupt_imu(
     ideal: ImuSamples, noise: ImuNoise, gyro_bias: Array, accel_bias: Array, rng: np.random.Generator
 ) -> ImuSamples:
-    """Samples with constant biases and white noise (density times square root of the rate)."""
+    """Samples with biases, (3,) or one a sample, and white noise (density times square root of the rate)."""
     root_rate = 1.0 / np.sqrt(ideal.period())
     gyro = ideal.gyro + gyro_bias + rng.normal(0.0, noise.gyro_density * root_rate, ideal.gyro.shape)
     accel = ideal.accel + accel_bias + rng.normal(0.0, noise.accel_density * root_rate, ideal.accel.shape)
