@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from support.random_problem import random_problem
-from support.simulated import trial
 from vigauge.errors import DataError, OutputError
 from vigauge.geometry.camera import Camera
 from vigauge.model.archive import (
@@ -39,7 +38,11 @@ def equal(a, b) -> bool:
 
 
 def problems() -> list[Problem]:
-    return [random_problem(1), trial(), random_problem(2, n_keyframes=2, n_landmarks=1)]
+    return [
+        random_problem(1),
+        random_problem(1, biases=True),
+        random_problem(2, n_keyframes=2, n_landmarks=1),
+    ]
 
 
 def test_problems_round_trip(tmp_path):
@@ -54,7 +57,9 @@ def test_problems_round_trip(tmp_path):
 
 def test_states_round_trip(tmp_path):
     """Catches a first rotation that comes back with another reference or increment."""
-    states = [random_problem(seed).initial for seed in range(12)]  # more than ten: 10 sorts before 2
+    states = [
+        random_problem(seed, biases=seed == 3).initial for seed in range(12)
+    ]  # more than ten: 10 sorts before 2
     save_states(tmp_path / "s.npz", states)
     assert all(map(equal, states, load_states(tmp_path / "s.npz")))
     save_states(tmp_path / "none.npz", [])
@@ -170,6 +175,11 @@ def changed(path: Path, field: str, value) -> Path:
         ("0/obs_keyframe", np.zeros(3, dtype=np.int64), "obs_keyframe"),
         ("0/obs_landmark", np.zeros(3), "obs_landmark"),
         ("0/inertial.dt", np.array([-1.0, 0.1, 0.1, 0.1]), "dt"),
+        ("1/initial.gyro_bias", None, "gyro_bias"),
+        ("1/initial.accel_bias", np.zeros((3, 3)), "accel_bias"),
+        ("1/inertial.by_gyro_bias", None, "by_gyro_bias"),
+        ("1/inertial.covariance", np.tile(np.eye(9), (4, 1, 1)), "covariance"),
+        ("0/initial.gyro_bias", np.zeros((4, 3)), "accel_bias"),
     ],
 )
 def test_a_missing_or_wrong_field_is_named(tmp_path, field, value, named):

@@ -41,6 +41,9 @@ _BROKEN = (
 
 _STATE = ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref")
 _FACTORS = ("first", "second", "dt", "dp", "dR", "dv", "covariance")
+# There where biases are estimated.
+_BIASES = ("gyro_bias", "accel_bias")
+_BY_BIASES = ("by_gyro_bias", "by_accel_bias", *_BIASES)
 _CAMERAS = {"intrinsics": (4,), "size": (2,), "distortion": (4,), "R_BC": (3, 3), "p_BC": (3,)}
 _OBSERVATIONS = ("obs_keyframe", "obs_camera", "obs_landmark", "obs_uv")
 _INTEGERS = {"first", "second", "obs_keyframe", "obs_camera", "obs_landmark", "cameras.size"}
@@ -94,12 +97,13 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
 
 
 def _state_arrays(state: State) -> dict[str, np.ndarray]:
-    return {name: getattr(state, name) for name in _STATE}
+    return {name: getattr(state, name) for name in (*_STATE, *(_BIASES if state.has_biases else ()))}
 
 
 def _problem_arrays(problem: Problem) -> dict[str, Any]:
     arrays: dict[str, Any] = {f"initial.{k}": v for k, v in _state_arrays(problem.initial).items()}
-    arrays |= {f"inertial.{name}": getattr(problem.inertial, name) for name in _FACTORS}
+    factors = (*_FACTORS, *(_BY_BIASES if problem.estimates_biases else ()))
+    arrays |= {f"inertial.{name}": getattr(problem.inertial, name) for name in factors}
     arrays |= {name: getattr(problem, name) for name in _OBSERVATIONS}
     arrays["sigma_px"] = problem.sigma_px
     arrays["gravity"] = problem.gravity
@@ -134,9 +138,14 @@ class _Entry:
             raise DataError("entry", rule, field=name, value=array.shape)
         return array
 
+    def take_all(self, prefix: str, names: Sequence[str], optional: Sequence[str]) -> dict[str, np.ndarray]:
+        """The named fields, and of the optional ones those that are there."""
+        there = [name for name in optional if prefix + name in self.fields]
+        return {name: self.take(prefix + name) for name in (*names, *there)}
+
 
 def _state_from(entry: _Entry, prefix: str = "") -> State:
-    return State(**{name: entry.take(prefix + name) for name in _STATE}).require_valid()
+    return State(**entry.take_all(prefix, _STATE, _BIASES)).require_valid()
 
 
 def _status_from(entry: _Entry) -> str:
@@ -161,12 +170,14 @@ def _cameras_from(entry: _Entry) -> tuple[Camera, ...]:
 
 
 def _problem_from(entry: _Entry) -> Problem:
+    initial = _state_from(entry, "initial.")
     return Problem(
-        initial=_state_from(entry, "initial."),
+        initial=initial,
         cameras=_cameras_from(entry),
-        inertial=InertialFactors(**{name: entry.take(f"inertial.{name}") for name in _FACTORS}),
+        inertial=InertialFactors(**entry.take_all("inertial.", _FACTORS, _BY_BIASES)),
         sigma_px=float(entry.take("sigma_px", number=True)),
         gravity=float(entry.take("gravity", number=True)),
+        biases="estimated" if initial.has_biases else "known",
         **{name: entry.take(name) for name in _OBSERVATIONS},  # type: ignore[arg-type]
     )
 
