@@ -5,6 +5,7 @@
 //
 // Then one request a line on stdin, one line of JSON on stdout for each:
 //   prepare GAUGE          nothing to do here: problems are built in every solve, which is not timed
+//   loss NAME DELTA        huber or cauchy, of reprojection errors, from now on; squares without it
 //   solve GAUGE TYPE       fix, prior or free; dense_schur or sparse_schur; from the file's start every time
 //   state PATH             write the last estimate
 //   at PATH                read an estimate, where covariances are taken
@@ -346,6 +347,11 @@ class Estimator {
     landmark_ = s.X;
   }
 
+  void SetLoss(const std::string& name, double delta) {
+    if (name != "huber" && name != "cauchy") throw std::runtime_error("loss must be huber or cauchy, not " + name);
+    loss_ = name, delta_ = delta;
+  }
+
   void Save(const std::string& path) const {
     std::ofstream out(path, std::ios::binary);
     const auto put = [&out](const void* from, size_t bytes) { out.write(static_cast<const char*>(from), bytes); };
@@ -375,6 +381,9 @@ class Estimator {
       problem->AddParameterBlock(&velocity_[3 * i], 3);
     }
     if (d_.n == 1) delete manifold;
+    ceres::LossFunction* loss = nullptr;
+    if (loss_ == "huber") loss = new ceres::HuberLoss(delta_);
+    if (loss_ == "cauchy") loss = new ceres::CauchyLoss(delta_);
     for (int64_t r = 0; r < d_.m; ++r) {
       const int64_t i = d_.obs_keyframe[r];
       const Camera& camera = d_.camera[d_.obs_camera[r]];
@@ -385,7 +394,7 @@ class Estimator {
       } else {
         cost = new Reprojection<7>(camera, &d_.uv[2 * r], d_.sigma_px, d_.R_ref);
       }
-      problem->AddResidualBlock(cost, nullptr, &pose_[7 * i], X);
+      problem->AddResidualBlock(cost, loss, &pose_[7 * i], X);
     }
     for (int64_t r = 0; r < d_.factors; ++r) {
       const int64_t i = d_.first[r], j = d_.second[r];
@@ -449,6 +458,8 @@ class Estimator {
  private:
   const Data& d_;
   std::vector<double> pose_, velocity_, landmark_;
+  std::string loss_;
+  double delta_ = 0.0;
 };
 
 double Seconds() {
@@ -536,6 +547,8 @@ int main(int count, char** arguments) try {
     std::string answer = "{}";
     if (verb == "solve") {
       answer = Solve(estimator, data, first, second, threads, tolerance, limit);
+    } else if (verb == "loss") {
+      estimator.SetLoss(first, std::stod(second));
     } else if (verb == "state") {
       estimator.Save(first);
     } else if (verb == "at") {

@@ -35,6 +35,8 @@ _PUBLIC = {
     "Status": ("solver.levenberg_marquardt", "why a run ended"),
     "Iteration": ("solver.levenberg_marquardt", "one row of the trace"),
     "Gauge": ("gauge.gauges", "what the solver and the covariance ask of a gauge (protocol)"),
+    "Huber": ("model.loss", "a robust loss of reprojection errors: linear beyond delta sigmas"),
+    "Cauchy": ("model.loss", "one that nearly ignores errors far beyond delta sigmas"),
     "MotionFactor": ("model.factors", "a further residual on keyframes, such as a GNSS position (protocol)"),
     "LinearFactor": ("model.factors", "its residual and Jacobian at one state"),
     "BiasPrior": ("model.factors", "what is known of a keyframe's biases beforehand"),

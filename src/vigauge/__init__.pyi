@@ -51,6 +51,8 @@ from .model.imu import ImuNoise as ImuNoise
 from .model.imu import ImuSamples as ImuSamples
 from .model.imu import Preintegrated as Preintegrated
 from .model.imu import preintegrate as preintegrate
+from .model.loss import Cauchy as Cauchy
+from .model.loss import Huber as Huber
 from .model.problem import InertialFactors as InertialFactors
 from .model.problem import Problem as Problem
 from .model.state import State as State

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from vigauge.model.archive import (
     save_problems,
     save_states,
 )
+from vigauge.model.loss import Cauchy, Huber
 from vigauge.model.problem import InertialFactors, Problem
 from vigauge.model.state import State
 from vigauge.solver.residuals import cost
@@ -38,10 +40,11 @@ def equal(a, b) -> bool:
 
 
 def problems() -> list[Problem]:
+    one = random_problem(2, n_keyframes=2, n_landmarks=1)
     return [
         random_problem(1),
-        random_problem(1, biases=True),
-        random_problem(2, n_keyframes=2, n_landmarks=1),
+        replace(random_problem(1, biases=True), loss=Cauchy(2.5)),
+        replace(one, loss=Huber(1.345)),
     ]
 
 
@@ -180,6 +183,10 @@ def changed(path: Path, field: str, value) -> Path:
         ("1/inertial.by_gyro_bias", None, "by_gyro_bias"),
         ("1/inertial.covariance", np.tile(np.eye(9), (4, 1, 1)), "covariance"),
         ("0/initial.gyro_bias", np.zeros((4, 3)), "accel_bias"),
+        ("1/loss", None, "loss"),
+        ("1/loss", np.array("tukey"), "loss: entry 1: must be one of huber, cauchy"),
+        ("1/loss.delta", None, "loss.delta"),
+        ("1/loss.delta", np.array(np.nan), "delta"),
     ],
 )
 def test_a_missing_or_wrong_field_is_named(tmp_path, field, value, named):

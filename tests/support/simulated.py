@@ -8,7 +8,10 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
+
 from vigauge.gauge.gauges import FreeGauge
+from vigauge.model.loss import Loss
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options, solve
@@ -61,6 +64,18 @@ def scene(trajectory: str = "sine", points: str = "random", **changes) -> Scene:
 def trial(number: int = 0, trajectory: str = "sine", points: str = "random", **changes) -> Problem:
     """The problem of one trial of such a scene."""
     return make_trial(scene(trajectory, points, **changes), number)
+
+
+def with_outliers(problem: Problem, loss: Loss | None, share: float = 0.15) -> Problem:
+    """The problem with a loss, and a share of its observations off by 10 to 30 sigma."""
+    rng = np.random.default_rng(7)
+    bad = rng.random(len(problem.obs_uv)) < share
+    turn, length = (
+        rng.uniform(0.0, 2.0 * np.pi, len(bad)),
+        rng.uniform(10.0, 30.0, len(bad)) * problem.sigma_px,
+    )
+    off = (bad * length)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    return replace(problem, obs_uv=problem.obs_uv + off, loss=loss)
 
 
 @cache

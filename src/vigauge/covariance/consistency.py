@@ -40,9 +40,14 @@ class GroupChiSquare:
 def chi_square(problem: Problem, state: State) -> GroupChiSquare:
     """Chi-squares at a minimum. Redundancies add up to residuals - (n - 4).
 
-    Raises DegenerateError where more than the gauge is unobservable.
+    Raises DataError for a problem with a loss, whose errors are no chi-square, and DegenerateError where
+    more than the gauge is unobservable.
     """
     problem.require_fits(state)
+    if problem.loss is not None:
+        raise DataError(
+            "problem", "must have no loss: a chi-square is of squares", field="loss", value=problem.loss
+        )
     visual, inertial = visual_residual(problem, state), inertial_residual(problem, state)
     covariance = Covariance.of(problem, state).motion(FixedGauge())
     taken = float(np.vdot(covariance, inertial_information(problem, state)))

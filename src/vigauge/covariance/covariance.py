@@ -51,6 +51,10 @@ class Covariance:
     first one the total increment of Eq. (9). Where biases are estimated, 9N and 9 are 15N and 15 here: the
     gyroscope's (rad/s) and the accelerometer's (m/s^2) follow the velocities.
 
+    H is J^T J of the cost 1/2 ||r||^2, without damping. With a loss, reprojection errors count in it by
+    their weights rho', as in the covariance of Ceres. Where there are many outliers sigmas are then too
+    small, as :func:`vigauge.sandwich` says.
+
     Attributes
     ----------
     equations : H and g at the state, without any gauge

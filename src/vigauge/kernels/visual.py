@@ -19,6 +19,7 @@ from ..geometry.so3 import Array
 from .compiled import kernel, part
 from .lanes import LANES as L
 from .lanes import Batches, Index, gather_points
+from .loss import Loss, rho, root_weight
 
 # Entries of a keyframe's accumulator: M (6), hat(ray) M (9), rotation block (6), both gradients (6).
 POSE_ENTRIES = 27
@@ -108,8 +109,12 @@ def cost(
     intrinsics: Array,
     batches: Batches,
     pixels: Array,
+    loss: Loss | None,
 ) -> tuple[float, float]:
-    """Sum of squares of :func:`residuals`, and of their lengths; ``pixels`` (V, 3 L) as of the problem."""
+    """Sum of squares of :func:`residuals`, each through the loss, and of their lengths.
+
+    ``pixels`` (V, 3 L) as of the problem.
+    """
     order, batch_begin, batch_cell, cell_keyframe, _, cell_view, view_camera = batches
     lanes = pixels.shape[1] // 3
     s = np.empty(3 * L)
@@ -130,7 +135,7 @@ def cost(
                     r_u = (fx * u + cx - pixels[view, i]) * w
                     r_v = (fy * v + cy - pixels[view, L + i]) * w
                     square = r_u * r_u + r_v * r_v
-                    squares += square
+                    squares += rho(square, loss)
                     lengths += math.sqrt(square)
     return squares, lengths
 
@@ -148,11 +153,13 @@ def _add_view(
     p_CB: Array,
     intrinsics: Array,
     pixels: Array,
+    loss: Loss | None,
     s: Array,
 ) -> None:
     """Add M and J_l^T r of a view's observations to the cell's rows of ``s``.
 
-    The rows of J_l are a = f_x w / depth (R_0 - u R_2), w the weight of a pixel, and b alike.
+    The rows of J_l are a = f_x w / depth (R_0 - u R_2), w the weight of a pixel, and b alike. A loss scales
+    all of them, see :mod:`.loss`.
     """
     lanes = pixels.shape[1] // 3
     R, t = _rotation(c, k, R_CW), (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
@@ -163,6 +170,8 @@ def _add_view(
         u, v, inverse_depth = _seen(x, y, z, w, R, t)
         r_u = (fx * u + cx - pixels[view, i]) * w
         r_v = (fy * v + cy - pixels[view, L + i]) * w
+        root = root_weight(r_u * r_u + r_v * r_v, loss)
+        r_u, r_v, w = r_u * root, r_v * root, w * root
         p, q = fx * w * inverse_depth, fy * w * inverse_depth
         a0, a1, a2 = (R[0] - u * R[6]) * p, (R[1] - u * R[7]) * p, (R[2] - u * R[8]) * p
         b0, b1, b2 = (R[3] - v * R[6]) * q, (R[4] - v * R[7]) * q, (R[5] - v * R[8]) * q
@@ -259,6 +268,7 @@ def accumulate(
     intrinsics: Array,
     batches: Batches,
     pixels: Array,
+    loss: Loss | None,
     first_batch: int,
     end_batch: int,
     information: Array,
@@ -289,7 +299,7 @@ def accumulate(
             for i in range(9 * lanes):
                 s[_CELL + i] = 0.0
             for view in range(cell_view[cell], cell_view[cell + 1]):
-                _add_view(view, k, view_camera[view], R_CW, p_CB, intrinsics, pixels, s)
+                _add_view(view, k, view_camera[view], R_CW, p_CB, intrinsics, pixels, loss, s)
             for i in range(9 * lanes):
                 s[_BATCH + i] += s[_CELL + i]
             for i in range(6 * lanes):

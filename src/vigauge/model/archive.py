@@ -23,6 +23,7 @@ import numpy as np
 from ..errors import DataError
 from ..files import atomic_path
 from ..geometry.camera import Camera
+from .loss import LOSSES, Loss
 from .problem import InertialFactors, Problem
 from .state import State
 
@@ -107,6 +108,9 @@ def _problem_arrays(problem: Problem) -> dict[str, Any]:
     arrays |= {name: getattr(problem, name) for name in _OBSERVATIONS}
     arrays["sigma_px"] = problem.sigma_px
     arrays["gravity"] = problem.gravity
+    if problem.loss is not None:
+        arrays["loss"] = type(problem.loss).__name__.lower()
+        arrays["loss.delta"] = problem.loss.delta
     for camera_field, values in (
         ("intrinsics", [[c.fx, c.fy, c.cx, c.cy] for c in problem.cameras]),
         ("size", [[c.width, c.height] for c in problem.cameras]),
@@ -169,6 +173,16 @@ def _cameras_from(entry: _Entry) -> tuple[Camera, ...]:
     )
 
 
+def _loss_from(entry: _Entry) -> Loss | None:
+    """Archives without the field are of problems without a loss."""
+    if "loss" not in entry.fields and "loss.delta" not in entry.fields:
+        return None
+    name = str(entry.fields.get("loss"))
+    if name not in LOSSES:
+        raise DataError("entry", f"must be one of {', '.join(LOSSES)}", field="loss", value=name)
+    return LOSSES[name](float(entry.take("loss.delta", number=True)))
+
+
 def _problem_from(entry: _Entry) -> Problem:
     initial = _state_from(entry, "initial.")
     return Problem(
@@ -178,6 +192,7 @@ def _problem_from(entry: _Entry) -> Problem:
         sigma_px=float(entry.take("sigma_px", number=True)),
         gravity=float(entry.take("gravity", number=True)),
         biases="estimated" if initial.has_biases else "known",
+        loss=_loss_from(entry),
         **{name: entry.take(name) for name in _OBSERVATIONS},  # type: ignore[arg-type]
     )
 

@@ -24,9 +24,11 @@ from ..kernels.inertial import Increments
 from ..kernels.inertial_biases import BiasedIncrements
 from ..kernels.lanes import LANES
 from ..kernels.sizes import KEYFRAME, WITH_BIASES
+from ..kernels.loss import Loss as CompiledLoss
 from ..sparsity.structure import Structure
 from .factors import MotionFactor
 from .imu import Preintegrated
+from .loss import LOSSES, Loss
 from .state import State
 
 Shape = tuple[int | str, ...]
@@ -179,6 +181,7 @@ class Problem:
     factors : further residuals on keyframes (GNSS, compass, ...), see :class:`.factors.MotionFactor`
     biases : "known": taken off the samples, no part of the state. "estimated": one of each sensor a
         keyframe, in the state; the inertial factors then say how they follow them
+    loss : robust loss of reprojection errors, :class:`.loss.Huber` or :class:`.loss.Cauchy`; None: squares
 
     Raises DataError where shapes, indices, order or numbers are wrong.
     """
@@ -194,6 +197,7 @@ class Problem:
     gravity: float
     factors: tuple[MotionFactor, ...] = ()
     biases: Literal["known", "estimated"] = "known"
+    loss: Loss | None = None
 
     def __post_init__(self) -> None:
         m = np.shape(self.obs_uv)[0] if np.ndim(self.obs_uv) else 0
@@ -216,6 +220,10 @@ class Problem:
             raise DataError("problem", rule, field="gravity", value=self.gravity)
         for place, factor in enumerate(self.factors):
             indices(f"problem, factors {place}", factor.keyframes, n, field="keyframes")
+        if self.loss is not None and type(self.loss) not in LOSSES.values():
+            raise DataError(
+                "problem", "must be vg.Huber(delta), vg.Cauchy(delta) or None", field="loss", value=self.loss
+            )
 
     def _require_biases(self) -> None:
         """State and inertial factors must both have biases, or neither."""
@@ -275,6 +283,7 @@ class Problem:
         gravity: float,
         factors: tuple[MotionFactor, ...] = (),
         biases: Literal["known", "estimated"] = "known",
+        loss: Loss | None = None,
     ) -> Problem:
         """Build from observations in any order (they are sorted by landmark, keyframe, camera)."""
         camera, keyframe, landmark = (
@@ -297,6 +306,7 @@ class Problem:
             gravity=gravity,
             factors=factors,
             biases=biases,
+            loss=loss,
         )
 
     def require_fits(self, state: State) -> State:
@@ -350,6 +360,11 @@ class Problem:
         out = np.zeros((self.structure.n_views, 3 * LANES))
         spread_pixels(self.obs_uv, 1.0 / self.sigma_px, self.structure.obs_slot, out)
         return out
+
+    @cached_property
+    def compiled_loss(self) -> CompiledLoss | None:
+        """The loss as the kernels read it."""
+        return None if self.loss is None else self.loss.compiled
 
     @cached_property
     def camera_arrays(self) -> dict[str, Array]:

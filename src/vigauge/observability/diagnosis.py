@@ -27,6 +27,7 @@ from ..geometry.so3 import Array
 from ..model.problem import Problem
 from ..model.state import State
 from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
+from ..solver.residuals import down_weighted
 from ..sparsity.layout import Index
 from ..sparsity.rounding import rounding
 from .spectrum import NullSpace, require_semidefinite
@@ -96,6 +97,7 @@ class Diagnosis:
     gap : smallest eigenvalue that counts, over the largest that does not
     motion : "moving", "standing still" or "pure rotation"; empty for a bare matrix
     cause : why there are extra or weak directions, where that is known
+    down_weighted : reprojection errors longer than ``delta`` of the problem's loss
     """
 
     n_parameters: int
@@ -107,6 +109,7 @@ class Diagnosis:
     gap: float
     motion: str = ""
     cause: str = ""
+    down_weighted: int = 0
 
     @property
     def degenerate(self) -> bool:
@@ -138,6 +141,7 @@ class Diagnosis:
                 "no null direction is extra",
                 self.measured,
                 _REPEATED if self.motion == STILL else "",
+                self._of_loss,
             ]
             return "; ".join(filter(None, parts))
         parts = [self.measured] if self.missing else []
@@ -147,7 +151,13 @@ class Diagnosis:
             parts.append(f"{count} more than the gauge unobservable: {names}")
         if self.weak:
             parts.append(f"no better known than noise: {', '.join(map(str, self.weak))}")
+        if self.down_weighted:
+            parts.append(self._of_loss)
         return f"degenerate{why}: {'; '.join(parts)}"
+
+    @property
+    def _of_loss(self) -> str:
+        return f"{self.down_weighted} reprojection errors are down-weighted" if self.down_weighted else ""
 
     @property
     def withheld(self) -> str:
@@ -260,6 +270,7 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
         gap=null.gap,
         motion=motion,
         cause=_cause(problem, state, motion, blind, scale) if open_ones else "",
+        down_weighted=down_weighted(problem, state),
     )
 
 

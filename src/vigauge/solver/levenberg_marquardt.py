@@ -26,7 +26,7 @@ from ..model.problem import Problem
 from ..model.state import State
 from ..sparsity.layout import Layout
 from .normal_equations import NormalEquations, linearise
-from .residuals import Evaluation, evaluate
+from .residuals import Evaluation, down_weighted, evaluate
 from .workers import Workers
 
 
@@ -102,7 +102,8 @@ class Solution:
     """Estimate, how the run ended, and its trace; ``states`` holds every iterate when asked for.
 
     ``layout`` says how the reduced camera system was factorised: dense or banded, in which
-    order of keyframes, and how much is stored (its fill-in).
+    order of keyframes, and how much is stored (its fill-in). ``down_weighted`` is how many reprojection
+    errors are longer than ``delta`` of the problem's loss; their weight is below 1 (Huber) or 1/2 (Cauchy).
     """
 
     state: State
@@ -112,6 +113,7 @@ class Solution:
     seconds: float
     layout: Layout
     states: tuple[State, ...] = ()
+    down_weighted: int = 0
 
     @property
     def iterations(self) -> int:
@@ -350,4 +352,5 @@ class _Run:
             seconds=self.clock() - self.begin,
             layout=self.problem.structure.layout,
             states=tuple(self.states),
+            down_weighted=down_weighted(self.problem, self.here.state),
         )

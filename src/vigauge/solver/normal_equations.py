@@ -329,6 +329,7 @@ def linearise(
 ) -> NormalEquations:
     """H = J^T J and g = J^T r of Eq. (1) at a state, without any gauge.
 
+    With a loss, reprojection errors count by their weights: H = J^T diag(rho') J and g = J^T diag(rho') r.
     ``prior``, in total increments, is added to the factors of the problem. ``R_CW`` where it is known, see
     :func:`vigauge.solver.residuals.camera_rotations`. ``spent`` equations of the same problem give up their
     large arrays, which are overwritten: fresh memory costs as much as the sums that fill it.
@@ -350,6 +351,7 @@ def linearise(
             cameras["intrinsics"],
             s.batches,
             problem.pixels,
+            problem.compiled_loss,
             int(s.group_batch[piece[0]]),
             int(s.group_batch[piece[1]]),
             information,

@@ -45,7 +45,8 @@ def inertial_inputs(
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The ``cost`` 1/2 ||r||^2 of a state, and the mean length of a reprojection error in pixels (Fig. 6).
+    """The ``cost`` of a state, 1/2 ||r||^2 (reprojection errors through their loss, if there is one), and the
+    mean length of a reprojection error in pixels (Fig. 6).
 
     ``R_CW`` as :func:`camera_rotations` gives it: the normal equations of the state need it again.
     """
@@ -67,6 +68,7 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
         cameras["intrinsics"],
         problem.structure.batches,
         problem.pixels,
+        problem.compiled_loss,
     )
     squares += inertial_kernels(problem).cost(*inertial_inputs(problem, state))
     for factor in problem.factors:
@@ -108,8 +110,15 @@ def inertial_residual(problem: Problem, state: State) -> Array:
 
 
 def cost(problem: Problem, state: State) -> float:
-    """1/2 ||r||^2 over visual and inertial residuals: half of J(theta) of Eq. (1)."""
+    """1/2 ||r||^2 over visual (through their loss) and inertial residuals: half of J(theta) of Eq. (1)."""
     return evaluate(problem, state).cost
+
+
+def down_weighted(problem: Problem, state: State) -> int:
+    """How many reprojection errors are longer than ``delta`` of the problem's loss; 0 without one."""
+    if problem.loss is None:
+        return 0
+    return int(np.sum(np.linalg.norm(visual_residual(problem, state), axis=1) > problem.loss.delta))
 
 
 def mean_reprojection_px(problem: Problem, state: State) -> float:

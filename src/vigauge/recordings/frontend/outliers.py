@@ -113,5 +113,6 @@ def without(problem: Problem, keep: NDArray[np.bool_], state: State) -> tuple[Pr
         sigma_px=problem.sigma_px,
         inertial=problem.inertial,
         gravity=problem.gravity,
+        loss=problem.loss,
     )
     return reduced, landmarks
