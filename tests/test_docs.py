@@ -69,6 +69,7 @@ def test_sections_and_languages() -> None:
         "COLMAP",
         "Ceres",
         "Your own information matrix",
+        "Outliers",
     ]
 
 
@@ -120,6 +121,16 @@ def test_own_matrix(folder: Path) -> None:
     rows = layout.columns(3)
     found = run("Your own information matrix")["block"]
     assert vg.relative_frobenius(found, in_gauge(J, T, V)[np.ix_(rows, rows)]) < 1e-8
+
+
+def test_outliers() -> None:
+    """Catches an example whose loss does not help, or that counts other observations than the wrong ones."""
+    names = run("Outliers")
+    robust, plain = (names[run].state for run in ("solution", "plain"))
+    right = vg.solve(vg.example_problem(), vg.FixedGauge()).state
+    assert np.abs(robust.p_W - right.p_W).max() < 0.3 * np.abs(plain.p_W - right.p_W).max()
+    wrong = len(names["problem"].obs_uv) / 10
+    assert wrong < names["solution"].down_weighted < 2.0 * wrong
 
 
 def test_cpp_for_ceres_compiles(folder: Path) -> None:
