@@ -108,6 +108,25 @@ def test_every_way_is_the_oracle(build, group: Group, gauge: object, side: str) 
     )
 
 
+@pytest.mark.parametrize(("weak", "to"), [(1e-3, 2e-6), (1e-4, 1e-3)])
+def test_digits_of_a_large_sparse_jacobian(weak: float, to: float) -> None:
+    """Catches a square that costs more digits than the docstring says: two halves that weak rows join."""
+    layout = vg.Layout.by_kind(60, BLOCKS, side="right")
+    at, _, J = problem(layout, vg.YawTranslation(), np.random.default_rng(1))
+    first = np.concatenate([layout.columns(k) for k in range(30)])
+    size = abs(J)
+    joins = (size[:, first].sum(axis=1) > 0) & (np.delete(size.toarray(), first, axis=1).sum(axis=1) > 0)
+    J = scipy.sparse.csr_array(scipy.sparse.diags_array(np.where(joins, weak, 1.0)) @ J)
+    gauge = vg.CentroidGauge()
+    squared, dense = (vg.Covariance.from_jacobian(A, layout, *at.args) for A in (J, J.toarray()))
+    assert isinstance(squared.inverse.inverse, BandInverse)
+    np.testing.assert_allclose(squared.matrix(gauge).diagonal(), dense.matrix(gauge).diagonal(), rtol=to)
+    weaker = scipy.sparse.csr_array(scipy.sparse.diags_array(np.where(joins, 1e-5 / weak, 1.0)) @ J)
+    with pytest.raises(vg.DegenerateError):
+        vg.Covariance.from_jacobian(weaker, layout, *at.args)
+    vg.Covariance.from_jacobian(weaker.toarray(), layout, *at.args)
+
+
 @pytest.mark.parametrize(("loops", "kind"), [(0, BandInverse), (40, SparseInverse)])
 def test_a_large_sparse_matrix_is_as_the_dense_one(loops: int, kind: type) -> None:
     """Catches fronts, bands and paths that only hold for small graphs: a long flight, and one with loops."""
