@@ -23,8 +23,8 @@ from ..kernels.covisibility import spread_pixels
 from ..kernels.inertial import Increments
 from ..kernels.inertial_biases import BiasedIncrements
 from ..kernels.lanes import LANES
-from ..kernels.sizes import KEYFRAME, WITH_BIASES
 from ..kernels.loss import Loss as CompiledLoss
+from ..kernels.sizes import KEYFRAME, WITH_BIASES
 from ..sparsity.structure import Structure
 from .factors import MotionFactor
 from .imu import Preintegrated
