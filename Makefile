@@ -57,12 +57,12 @@ $(VENV)/.locked: requirements.lock
 	fi; \
 	echo "setting up $(VENV) with $$found from requirements.lock (a minute or two)"; \
 	"$$found" -m venv --clear $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes \
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --require-hashes \
 	    --only-binary :all: --no-binary connection-pool --requirement requirements.lock
 	@touch $@
 
 $(SET_UP): $(VENV)/.locked pyproject.toml
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
 paper: $(SET_UP)

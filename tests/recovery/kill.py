@@ -48,7 +48,7 @@ class Kill:
 
 def make_project(folder: Path) -> Path:
     """A copy of what the workflow reads; results start empty."""
-    for name in ("workflow", "config", "src"):
+    for name in ("workflow", "config", "profiles", "src"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "Snakefile", folder)
     shutil.copytree(ROOT / "data" / "published", folder / "data" / "published")

@@ -21,7 +21,7 @@ rule covariance_simulation:
         "Covariances of {wildcards.configuration}"
     shell:
         "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
-        " {params.prior} --output {output.covariance:q} --distances {output.distances:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " {params.prior} --output {output.covariance:q} --distances {output.distances:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule covariance_sequence:
@@ -45,4 +45,4 @@ rule covariance_sequence:
         "Covariances of {wildcards.sequence}"
     shell:
         "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
-        " {params.prior} --noise {params.noise:q} --output {output.covariance:q} --distances {output.distances:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " {params.prior} --noise {params.noise:q} --output {output.covariance:q} --distances {output.distances:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"

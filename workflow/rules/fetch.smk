@@ -26,4 +26,4 @@ rule fetch_sequence:
         "Fetching {wildcards.fetched}"
     shell:
         "python -m vigauge_paper.commands.fetch_euroc --sequence {wildcards.fetched:q} --sources {params.sources:q}"
-        " --output {params.folder:q} --record {output.record:q} --log {log:q}"
+        " --output {params.folder:q} --record {output.record:q} &> {log:q}"

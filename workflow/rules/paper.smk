@@ -35,7 +35,7 @@ rule environment:
     shell:
         "python -m vigauge_paper.commands.environment --config {params.config:q} --checkout {params.checkout:q}"
         " --source {params.source} --reports {params.reports:q} --timings {input.timings:q}"
-        " --output {output:q} --stamps {input.stamps:q} --log {log:q}"
+        " --output {output:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule table1:
@@ -55,7 +55,7 @@ rule table1:
         "Table I"
     shell:
         "python -m vigauge_paper.commands.tables --table 1 --covariance {input.covariance:q} --output {output.csv:q}"
-        " --stamps {input.stamps:q} --log {log:q}"
+        " --stamps {input.stamps:q} &> {log:q}"
 
 
 rule table2:
@@ -79,7 +79,7 @@ rule table2:
         "Table II"
     shell:
         "python -m vigauge_paper.commands.tables --table 2 --solutions {params.named:q} {params.published}"
-        " --output {output.csv:q} --stamps {input.stamps:q} --log {log:q}"
+        " --output {output.csv:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule table3:
@@ -111,7 +111,7 @@ rule table3:
     shell:
         "python -m vigauge_paper.commands.tables --table 3 --solutions {params.named:q} {params.published}"
         " --reports {params.reports:q} --published-names {params.names:q}"
-        " --errors {input.errors:q} {params.spread} --source {params.source} --output {output.csv:q} --stamps {input.stamps:q} --log {log:q}"
+        " --errors {input.errors:q} {params.spread} --source {params.source} --output {output.csv:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_ellipses:
@@ -135,7 +135,7 @@ rule figure_ellipses:
         FIGURES["fig01"].title
     shell:
         "python -m vigauge_paper.commands.figure_covariance --kind ellipses --covariance {input.covariance:q}"
-        " --beside {input.second:q} --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --beside {input.second:q} --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_orbit:
@@ -162,7 +162,7 @@ rule figure_orbit:
     shell:
         "python -m vigauge_paper.commands.figure_orbit --problems {input.problems:q} --trial {params.trial}"
         " --prior-weight {params.weight} --prior-reading {params.reading} --solver {params.solver:q}"
-        " --paths {output.paths:q} --transformation {output.transformation:q} --stamps {input.stamps:q} --log {log:q}"
+        " --paths {output.paths:q} --transformation {output.transformation:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_scenes:
@@ -184,7 +184,7 @@ rule figure_scenes:
         FIGURES["fig03"].title
     shell:
         "python -m vigauge_paper.commands.figure_scenes --names {params.names} --truths {input.truths:q}"
-        " --paths {input.paths:q} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --paths {input.paths:q} --output {output.png:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_prior:
@@ -215,7 +215,7 @@ rule figure_prior:
     shell:
         "python -m vigauge_paper.commands.figure_prior --sweep {input.sweep:q} --timing {input.timing:q}"
         " --trace {input.trace:q} --path-weights {params.weights} {params.published} --prior-reading {params.reading}"
-        " --accuracy {output.accuracy:q} --cost {output.cost:q} --paths {output.paths:q} --stamps {input.stamps:q} --log {log:q}"
+        " --accuracy {output.accuracy:q} --cost {output.cost:q} --paths {output.paths:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_simulation_cost:
@@ -243,7 +243,7 @@ rule figure_simulation_cost:
     shell:
         "python -m vigauge_paper.commands.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
         " --source simulation {params.published} --published-file {params.file}"
-        " --published-names {params.names} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --published-names {params.names} --output {output.png:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_covariance_simulation:
@@ -265,7 +265,7 @@ rule figure_covariance_simulation:
         FIGURES["fig09"].title
     shell:
         "python -m vigauge_paper.commands.figure_covariance --kind matrices --covariance {input.covariance:q}"
-        " --source simulation {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --source simulation {params.published} --output {output.png:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_covariance_sequence:
@@ -288,7 +288,7 @@ rule figure_covariance_sequence:
         FIGURES["fig10"].title
     shell:
         "python -m vigauge_paper.commands.figure_covariance --kind matrices --covariance {input.covariance:q}"
-        " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_sequence_cost:
@@ -314,7 +314,7 @@ rule figure_sequence_cost:
         FIGURES["fig11"].title
     shell:
         "python -m vigauge_paper.commands.figure_cost --solutions {params.solutions:q} --timings {params.timings:q}"
-        " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --source {params.source} {params.published} --output {output.png:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_nees:
@@ -333,7 +333,7 @@ rule figure_nees:
         FIGURES["nees"].title
     shell:
         "python -m vigauge_paper.commands.figure_nees --table {input.table:q} --output {output.png:q}"
-        " --stamps {input.stamps:q} --log {log:q}"
+        " --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_reading:
@@ -352,7 +352,7 @@ rule figure_reading:
         FIGURES["prior_reading"].title
     shell:
         "python -m vigauge_paper.commands.figure_reading --pulls {input.pulls:q} --output {output.png:q}"
-        " --stamps {input.stamps:q} --log {log:q}"
+        " --stamps {input.stamps:q} &> {log:q}"
 
 
 rule figure_errors:
@@ -379,7 +379,7 @@ rule figure_errors:
         FIGURES["fig_errors"].title
     shell:
         "python -m vigauge_paper.commands.figure_errors --covariances {params.covariances:q} --truths {params.truths:q}"
-        " --source {params.source} --output {output.png:q} --stamps {input.stamps:q} --log {log:q}"
+        " --source {params.source} --output {output.png:q} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule claims:
@@ -434,7 +434,7 @@ rule claims:
         " --sweep-configuration {params.sweep_configuration} --machine-hall {params.machine_hall}"
         " --vicon-room {params.vicon_room} --source {params.source} --machine {input.machine:q} --criteria {params.criteria:q} --prior-reading {params.reading}"
         " --output {output.csv:q} --why {output.why:q} --statistics {output.statistics:q}"
-        " --evidence {params.evidence:q} {params.sensitivity} --stamps {input.stamps:q} --log {log:q}"
+        " --evidence {params.evidence:q} {params.sensitivity} --stamps {input.stamps:q} &> {log:q}"
 
 
 rule claims_page:
@@ -456,7 +456,7 @@ rule claims_page:
         "The ledger as a page with its evidence"
     shell:
         "python -m vigauge_paper.commands.claims_page --claims {input.claims:q} --why {input.why:q}"
-        " --evidence {params.evidence:q} --output {output:q} --log {log:q}"
+        " --evidence {params.evidence:q} --output {output:q} &> {log:q}"
 
 
 rule comparison:
@@ -507,7 +507,7 @@ rule comparison:
         " --sweep-trace {input.sweep_trace:q} --problems {input.problems:q} --prior-reading {params.reading}"
         " --solver {params.solver:q} --hypothesis {input.hypothesis:q} --published {params.published:q} --seed {params.seed}"
         " --source {params.source} --published-names {params.names:q} {params.sensitivity} --output {output.csv:q}"
-        " --stamps {input.stamps:q} --log {log:q}"
+        " --stamps {input.stamps:q} &> {log:q}"
 
 
 rule summary:
@@ -536,7 +536,7 @@ rule summary:
         "Paper and reproduction side by side"
     shell:
         "python -m vigauge_paper.commands.summary --artefacts {params.artefacts:q} --published {params.published:q}"
-        " --source {params.source} --published-names {params.names:q} --output {output:q} --log {log:q}"
+        " --source {params.source} --published-names {params.names:q} --output {output:q} &> {log:q}"
 
 
 rule readme:
@@ -557,4 +557,4 @@ rule readme:
         "Putting the summary into README.md"
     shell:
         "python -m vigauge_paper.commands.readme --summary {input.summary:q} --readme {params.readme:q}"
-        " --figure {input.figure:q} --shown {params.shown:q} --log {log:q}"
+        " --figure {input.figure:q} --shown {params.shown:q} &> {log:q}"

@@ -51,7 +51,7 @@ rule reasons:
         " --traces {params.traces:q} --covariances {params.covariances:q} --sweep-trace {input.sweep_trace:q}"
         " --sweep-configuration {params.sweep_configuration} --published {params.published:q}"
         " --simulation {params.simulation:q} --prior-information {params.information}"
-        " --solver {params.solver:q} --settings {params.settings:q} --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " --solver {params.solver:q} --settings {params.settings:q} --output {params.output:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule reasons_time:
@@ -76,4 +76,4 @@ rule reasons_time:
     shell:
         "python -m vigauge_paper.commands.reasons_time --experiment {wildcards.experiment} --configuration {params.sweep_configuration}"
         " --simulation {params.simulation:q} --solver {params.solver:q} --prior-information {params.information}"
-        " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} --log {log:q}"
+        " --settings {params.settings:q} --output {output.table:q} --stamp {output.stamp:q} &> {log:q}"

@@ -33,7 +33,7 @@ rule sensitivity_setting:
     shell:
         "python -m vigauge_paper.commands.sensitivity --parameter {wildcards.parameter} --value {wildcards.value}"
         " --trials {params.trials} --settings {params.settings:q} --solver {params.solver:q}"
-        " --prior-information {params.information} --output {params.output:q} --stamp {output.stamp:q} --log {log:q}"
+        " --prior-information {params.information} --output {params.output:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule sensitivity_summary:
@@ -58,4 +58,4 @@ rule sensitivity_summary:
         "Judging the claims over the sweep"
     shell:
         "python -m vigauge_paper.commands.sensitivity_summary --folder {params.folder:q} --settings {params.settings:q}"
-        " --published {params.published:q} --criteria {params.criteria:q} --output {output.summary:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " --published {params.published:q} --criteria {params.criteria:q} --output {output.summary:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"

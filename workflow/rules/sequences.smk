@@ -18,7 +18,7 @@ rule render:
         "Rendering the stand-in {wildcards.scene} (not EuRoC)"
     shell:
         "python -m vigauge_paper.commands.render --scene {wildcards.scene} --output data/rendered"
-        " --settings {params.settings:q} --stamp {output.stamp:q} --log {log:q}"
+        " --settings {params.settings:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule check_sequence:
@@ -41,7 +41,7 @@ rule check_sequence:
         "Checking {wildcards.sequence}"
     shell:
         "python -m vigauge.cli.check_sequence {params.folder:q} --truth {params.truths:q} {params.window}"
-        " {params.sort} {params.accepts} --output {output:q} --log {log:q}"
+        " {params.sort} {params.accepts} --output {output:q} &> {log:q}"
 
 
 checkpoint front_end:
@@ -71,4 +71,4 @@ checkpoint front_end:
     shell:
         "python -m vigauge_paper.commands.front_end --sequence {params.folder:q} --biases {params.biases:q}"
         " --truth {params.truth:q} --settings {params.settings:q} {params.sort} {params.accepts} --output {output.problem:q}"
-        " --truth-output {output.truth:q} --report {output.report:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " --truth-output {output.truth:q} --report {output.report:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"

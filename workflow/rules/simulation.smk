@@ -21,4 +21,4 @@ rule simulate:
     shell:
         "python -m vigauge_paper.commands.simulate --trajectory {wildcards.trajectory} --points {wildcards.points}"
         " --settings {params.settings:q} --problems {output.problems:q} --truth {output.truth:q}"
-        " --path {output.path:q} --report {output.report:q} --stamp {output.stamp:q} --log {log:q}"
+        " --path {output.path:q} --report {output.report:q} --stamp {output.stamp:q} &> {log:q}"

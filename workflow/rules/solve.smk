@@ -25,7 +25,7 @@ rule solve_simulation:
         "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truth:q}"
         " {params.prior} --solver {params.solver:q}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
-        " --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"
+        " --stamps {input.stamp:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule solve_sequence:
@@ -53,7 +53,7 @@ rule solve_sequence:
         "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truth:q}"
         " {params.prior} --solver {params.solver:q} --noise {params.noise:q}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
-        " --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"
+        " --stamps {input.stamp:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule time_simulation:
@@ -80,7 +80,7 @@ rule time_simulation:
     shell:
         "python -m vigauge_paper.commands.time_solves --problems {params.problems:q}"
         " {params.prior} --solver {params.solver:q} --repeats {params.repeats}"
-        " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule time_sequences:
@@ -108,7 +108,7 @@ rule time_sequences:
     shell:
         "python -m vigauge_paper.commands.time_solves --problems {params.problems:q}"
         " {params.prior} --solver {params.solver:q} --noise {params.noise:q} --repeats {params.repeats}"
-        " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule prior_sweep:
@@ -136,4 +136,4 @@ rule prior_sweep:
     shell:
         "python -m vigauge_paper.commands.prior_sweep --problems {input.problems:q} --truth {input.truth:q}"
         " --weights {params.weights} --repeats {params.repeats} --solver {params.solver:q}"
-        " --sweep {output.sweep:q} --trace {output.trace:q} --timing {output.timing:q} --stamps {input.stamp:q} --stamp {output.stamp:q} --log {log:q}"
+        " --sweep {output.sweep:q} --trace {output.trace:q} --timing {output.timing:q} --stamps {input.stamp:q} --stamp {output.stamp:q} &> {log:q}"

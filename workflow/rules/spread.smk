@@ -30,4 +30,4 @@ rule spread_table:
         "Spread over harmless changes of the front-end"
     shell:
         "python -m vigauge_paper.commands.spread --changes {params.changes:q} --solutions data/solutions"
-        " --output {output.csv:q} --stamps {input.stamps:q} --stamp {output.stamp:q} --log {log:q}"
+        " --output {output.csv:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"

@@ -32,4 +32,4 @@ rule windows_table:
         "Windows of all recordings"
     shell:
         "python -m vigauge_paper.commands.windows --windows {params.windows:q} --data data --source {params.source}"
-        " --output {output.csv:q} --summary {output.summary:q} --stamps {input.stamps:q} --log {log:q}"
+        " --output {output.csv:q} --summary {output.summary:q} --stamps {input.stamps:q} &> {log:q}"

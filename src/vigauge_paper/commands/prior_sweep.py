@@ -10,8 +10,6 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from tqdm import tqdm
-
 from vigauge.cli.command import LOG
 from vigauge.files import write_rows
 from vigauge.gauge.gauges import FreeGauge, Gauge, PriorGauge
@@ -32,6 +30,7 @@ from vigauge_paper.experiments.interleaved import (
 from vigauge_paper.ids import FREE
 from vigauge_paper.prior import READINGS, information
 from vigauge_paper.run.artefacts import add_solver
+from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
 
@@ -50,8 +49,8 @@ def work(options: argparse.Namespace) -> None:
     truth = load_states(options.truth)[0]
     trials = [Trial({"trial": i}, p) for i, p in enumerate(load_problems(options.problems))]
 
-    def bar(trials: Iterable[Trial]) -> Iterable[Trial]:
-        return tqdm(trials, desc="prior weights", unit="trial", disable=None)
+    def bar(turn: Iterable[Trial]) -> Iterable[Trial]:
+        return progress(turn, "prior weights", "trial", len(trials))
 
     rows: dict[str, list[Row]] = {"sweep": [], "trace": [], "timing": []}
     for reading in READINGS:

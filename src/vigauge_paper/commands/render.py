@@ -7,10 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from vigauge.cli.command import LOG
 from vigauge_paper.run.machine import versions
+from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
 from vigauge_paper.stand_in.asl_folder import write_asl_folder
 from vigauge_paper.stand_in.rendering import SCENES, RenderSettings, render_sequence
@@ -22,7 +21,7 @@ def work(options: argparse.Namespace) -> None:
     name = f"rendered_{options.scene}"
 
     def bar(images: Iterable[Any], total: int) -> Iterable[Any]:
-        return tqdm(images, total=total, desc=f"{name}: rendering", unit="frame", disable=None)
+        return progress(images, name, "frame", total)
 
     write_asl_folder(sequence, options.scene, options.output / name, versions(), bar)
     LOG.info("%s: %d stereo frames", name, len(sequence.frame_ns))

@@ -9,7 +9,6 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from vigauge.cli.command import LOG
 from vigauge.files import write_json, write_rows
@@ -18,15 +17,14 @@ from vigauge.synthetic.checks import chi_square_at_truth, describe
 from vigauge.synthetic.scenario import make_scene, make_trials
 from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.run.artefacts import add_section
+from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
 
 def work(options: argparse.Namespace) -> None:
     settings = settings_from(SimulationSettings, options.settings, "simulation")
     scene = make_scene(options.trajectory, options.points, settings)
-    problems = list(
-        tqdm(make_trials(scene), total=settings.n_trials, desc="simulate", unit="trial", disable=None)
-    )
+    problems = list(progress(make_trials(scene), "simulated", "trial", settings.n_trials))
     save_problems(options.problems, problems)
     save_states(options.truth, [scene.truth])
     path_W = scene.trajectory.p_W(np.linspace(0.0, settings.duration_s, 501))

@@ -6,8 +6,6 @@ import argparse
 import math
 from pathlib import Path
 
-from tqdm import tqdm
-
 from vigauge.cli.command import LOG
 from vigauge.covariance.consistency import chi_square
 from vigauge.files import write_rows
@@ -25,6 +23,7 @@ from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import GAUGES
 from vigauge_paper.prior import gauges as gauges_of
 from vigauge_paper.run.artefacts import PRIOR_KEYS, add_prior, add_solver
+from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
 
 
@@ -60,7 +59,7 @@ def work(options: argparse.Namespace) -> None:
         for name, problems in models.items()
         for index, problem in enumerate(problems)
     ]
-    bar = tqdm(trials, desc="solve", unit="trial", leave=False, disable=None)
+    bar = progress(trials, "solved", "trial", len(trials))
     solves = list(solve_once(bar, gauges, solver))
     rows = [solution_row(s, truth) | _consistency(s) for s in solves]
     write_rows(options.solutions, rows)

@@ -13,8 +13,6 @@ from collections.abc import Iterable
 from itertools import zip_longest
 from pathlib import Path
 
-from tqdm import tqdm
-
 from vigauge.cli.command import LOG
 from vigauge.files import write_json, write_rows
 from vigauge.model.archive import load_problems
@@ -25,6 +23,7 @@ from vigauge_paper.ids import FIX, FIX_AGAIN, HEADLINE
 from vigauge_paper.prior import gauges as gauges_of
 from vigauge_paper.run.artefacts import PRIOR_KEYS, add_prior, add_solver, named_file
 from vigauge_paper.run.machine import describe_machine, reference_seconds, versions
+from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
 
 
@@ -39,9 +38,9 @@ def work(options: argparse.Namespace) -> None:
     trials = [trial for turn in zip_longest(*groups) for trial in turn if trial is not None]
     reference: list[float] = []
 
-    def repeat(trials: Iterable[Trial]) -> Iterable[Trial]:
+    def repeat(turn: Iterable[Trial]) -> Iterable[Trial]:
         reference.append(reference_seconds(time.perf_counter))
-        return tqdm(trials, desc="timing", unit="trial", leave=False, disable=None)
+        return progress(turn, f"repeat {len(reference)}", "trial", len(trials))
 
     timed = solve_interleaved(
         trials, gauges, solver, clock=time.perf_counter, repeats=options.repeats, progress=repeat

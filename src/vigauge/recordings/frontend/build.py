@@ -63,7 +63,7 @@ def build_problem(
     Parameters
     ----------
     biases : ground truth to take known biases from, and nothing else
-    progress : show a bar on standard error
+    progress : show a bar on standard error, where that is a terminal
 
     Raises
     ------
@@ -135,7 +135,7 @@ def _track(
 
 
 def _bar(items: SequenceOf[int], label: str, progress: bool) -> Collection[int]:
-    bar: Any = tqdm(items, desc=label, unit="frame", disable=not progress)
+    bar: Any = tqdm(items, desc=label, unit="frame", disable=None if progress else True)
     return bar
 
 
