@@ -14,6 +14,7 @@ import scipy.sparse
 
 import vigauge as vg
 from benchmarks.gauge_weights import SHIPPED, measured
+from docs import pages
 from support import ROOT, foreign
 from vigauge.geometry.charts import CHARTS
 
@@ -169,3 +170,19 @@ def test_shipped_weights_are_as_printed(system: str) -> None:
             assert value < 1e-6, name
         else:
             np.testing.assert_allclose(value, number, rtol=0.06, err_msg=name)
+
+
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+@pytest.mark.parametrize("name", ["tutorial"])
+def test_page_prints_what_it_shows(name: str, folder: Path) -> None:
+    """Catches a block that fails, prints something else than the page says, or draws no picture for it."""
+    page = pages.DOCS / f"{name}.md"
+    for block, printed in pages.run(page):
+        shown = block.shown or ""
+        assert NUMBER.sub("0", printed) == NUMBER.sub("0", shown), f"{page.name}, line {block.line}"
+        found, expected = (np.array(NUMBER.findall(text), float) for text in (printed, shown))
+        np.testing.assert_allclose(found, expected, rtol=0.02, err_msg=f"{page.name}, line {block.line}")
+    pictures = re.findall(r"^!\[.*\]\((.*)\)$", page.read_text("utf-8"), re.MULTILINE)
+    assert sorted(pictures) == sorted(path.name for path in folder.iterdir())
