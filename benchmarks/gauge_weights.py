@@ -1,11 +1,14 @@
-"""What the prior weights that other systems ship do to one problem: the table of docs/which_gauge.md.
+"""The tables of docs/which_gauge.md: cost of the paper's three gauges, and what shipped prior weights do.
 
-python -m benchmarks.gauge_weights    # measures, and writes the table into the page
+The first is read from data/expected.csv, the second is measured on one problem.
+
+python -m benchmarks.gauge_weights    # writes both into the page
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +19,11 @@ from vigauge.files import atomic_path
 from vigauge.gauge.gauges import push_to_first_pose
 from vigauge.observability.spectrum import condition_number
 from vigauge.solver.normal_equations import linearise
+from vigauge_paper.comparison.expected import EUROC, SIMULATION, read_expected
 
-PAGE = Path(__file__).parents[1] / "docs" / "which_gauge.md"
-START, END = "<!-- made by `python -m benchmarks.gauge_weights` -->\n\n", "\n<!-- end -->"
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "which_gauge.md"
+START, END = "<!-- {}: made by `python -m benchmarks.gauge_weights` -->\n\n", "\n<!-- end -->"
 
 # Information of the position (1/m^2), and of yaw and tilt (1/rad^2), of the first keyframe.
 SHIPPED: dict[str, tuple[float, float, float]] = {
@@ -82,17 +87,43 @@ def measured(position: float, yaw: float, tilt: float) -> dict[str, float]:
     }
 
 
-def table() -> str:
+def cost_table() -> str:
+    """Mean iterations, and time over fixation's, of Figs. 7 and 11, from the expected values."""
+    values = {value.key: value.value for value in read_expected(ROOT / "data" / "expected.csv")}
+    lines: dict[str, list[str]] = {}
+    for artefact, source, row, quantity in values:
+        if (artefact, source) in (("fig07", SIMULATION), ("fig11", EUROC)) and quantity == "iterations mean":
+            problem, gauge = row.split()
+            iterations = values[artefact, source, row, quantity]
+            time = values.get((artefact, source, row, "time over fixation's"), 1.0)
+            cells = lines.setdefault(problem, [problem, "", "", ""])
+            cells[1 + ["fix", "prior", "free"].index(gauge)] = f"{iterations:.2f} / {time:.2f}"
+    return _markdown(["problem", "fixed", "prior", "free"], lines.values())
+
+
+def weight_table() -> str:
     """The measurements as Markdown: two digits, which is what another machine gives again."""
     found = {name: measured(*weights) for name, weights in SHIPPED.items()}
-    head = ["system", *found["COLMAP"]]
-    lines = [head, ["---"] * len(head)]
-    for name, row in found.items():
-        lines.append([name, *("-" if math.isnan(value) else f"{value:.2g}" for value in row.values())])
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    lines = (
+        [name, *("-" if math.isnan(value) else f"{value:.2g}" for value in row.values())]
+        for name, row in found.items()
+    )
+    return _markdown(["system", *found["COLMAP"]], lines)
+
+
+def _markdown(head: list[str], lines: Iterable[list[str]]) -> str:
+    return "".join(f"| {' | '.join(line)} |\n" for line in [head, ["---"] * len(head), *lines])
+
+
+def shown(name: str, page: str) -> str:
+    """The table that stands in the page under this name."""
+    return page.split(START.format(name))[1].split(END)[0]
 
 
 if __name__ == "__main__":
-    before, rest = PAGE.read_text("utf-8").split(START)
+    page = PAGE.read_text("utf-8")
+    for name, table in (("cost", cost_table), ("weights", weight_table)):
+        before, rest = page.split(START.format(name))
+        page = f"{before}{START.format(name)}{table()}{END}{rest.split(END, 1)[1]}"
     with atomic_path(PAGE) as temporary:
-        temporary.write_text(f"{before}{START}{table()}{END}{rest.split(END)[1]}", "utf-8")
+        temporary.write_text(page, "utf-8")

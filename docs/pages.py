@@ -19,15 +19,15 @@ BLOCK = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.MUL
 
 @dataclass(frozen=True)
 class Block:
-    """One block of a page: its line there, its code, the output that the page shows (or None)."""
+    """One block of a page: its line there, its code, the output that the page shows below it."""
 
     line: int
     code: str
-    shown: str | None
+    shown: str
 
 
 def blocks(text: str) -> list[Block]:
-    return [Block(text.count("\n", 0, found.start(1)), *found.groups()) for found in BLOCK.finditer(text)]
+    return [Block(text.count("\n", 0, found.start(1)), *found.groups("")) for found in BLOCK.finditer(text)]
 
 
 def run(page: Path, names: dict[str, Any] | None = None) -> Iterator[tuple[Block, str]]:

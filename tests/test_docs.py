@@ -13,7 +13,7 @@ import pytest
 import scipy.sparse
 
 import vigauge as vg
-from benchmarks.gauge_weights import SHIPPED, measured
+from benchmarks.gauge_weights import SHIPPED, cost_table, measured, shown
 from docs import pages
 from support import ROOT, foreign
 from vigauge.geometry.charts import CHARTS
@@ -161,10 +161,15 @@ def test_scores_of_designs() -> None:
     assert [row[1:] for row in printed] == [[str(row[score]) for score in "DAE"] for row in best.values()]
 
 
+def test_cost_of_gauges_is_as_expected() -> None:
+    """Catches a table of iterations that was typed, or that a renewed expected value left behind."""
+    assert shown("cost", GAUGE) == cost_table(), "python -m benchmarks.gauge_weights"
+
+
 @pytest.mark.parametrize("system", SHIPPED)
 def test_shipped_weights_are_as_printed(system: str) -> None:
-    (printed,) = [row[1:] for row in cells(GAUGE.split("<!-- made by")[1]) if row[0] == system]
-    for text, (name, value) in zip(printed, measured(*SHIPPED[system]).items(), strict=True):
+    (row,) = [row[1:] for row in cells(shown("weights", GAUGE)) if row[0] == system]
+    for text, (name, value) in zip(row, measured(*SHIPPED[system]).items(), strict=True):
         number = float("nan" if text == "-" else text)
         if number < 1e-6:  # rounding or the last step of a solve, which differ by machine
             assert value < 1e-6, name
@@ -180,9 +185,8 @@ def test_page_prints_what_it_shows(name: str, folder: Path) -> None:
     """Catches a block that fails, prints something else than the page says, or draws no picture for it."""
     page = pages.DOCS / f"{name}.md"
     for block, printed in pages.run(page):
-        shown = block.shown or ""
-        assert NUMBER.sub("0", printed) == NUMBER.sub("0", shown), f"{page.name}, line {block.line}"
-        found, expected = (np.array(NUMBER.findall(text), float) for text in (printed, shown))
+        assert NUMBER.sub("0", printed) == NUMBER.sub("0", block.shown), f"{page.name}, line {block.line}"
+        found, expected = (np.array(NUMBER.findall(text), float) for text in (printed, block.shown))
         np.testing.assert_allclose(found, expected, rtol=0.02, err_msg=f"{page.name}, line {block.line}")
     pictures = re.findall(r"^!\[.*\]\((.*)\)$", page.read_text("utf-8"), re.MULTILINE)
     assert sorted(pictures) == sorted(path.name for path in folder.iterdir())
