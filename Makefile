@@ -20,7 +20,7 @@ BIN := $(VENV)/bin
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 SET_UP := $(VENV)/.installed
 
-.PHONY: help setup paper check-results recovery test test-all fuzz bench bench-paper lint format lock clean distclean
+.PHONY: help setup paper check-results recovery test test-all fuzz bench bench-paper docs lint format lock clean distclean
 .DEFAULT_GOAL := help
 
 help:
@@ -33,6 +33,7 @@ help:
 	@echo "make fuzz       feed every reader $(INPUTS) malformed files; the record goes to docs/fuzzing.csv"
 	@echo "make bench      set up, then race vigauge and its peers: benchmarks/README.md (SIZES=$(SIZES))"
 	@echo "make bench-paper  run the whole workflow anew and print where the time goes"
+	@echo "make docs       set up, then the site: build/docs/index.html"
 	@echo "make lint       formatting, lint, types, and the workflow's own lint; changes nothing"
 	@echo "make format     rewrite Python and rule files in the project's format"
 	@echo "make setup      only .venv, from requirements.lock"
@@ -95,6 +96,10 @@ bench: $(SET_UP)
 bench-paper: $(SET_UP)
 	$(RUN) python -m benchmarks.paper_time --cores $(CORES)
 
+docs: $(SET_UP)
+	$(RUN) python -m sphinx --quiet --fail-on-warning --doctree-dir build/doctrees docs build/docs
+	@echo "build/docs/index.html is the site; external_links.txt beside it lists the addresses that it names"
+
 lint: $(SET_UP)
 	$(RUN) ruff check .
 	$(RUN) ruff format --check .
@@ -116,7 +121,8 @@ lock:
 clean:
 	@if [ -x $(BIN)/snakemake ]; then $(RUN) snakemake --cores 1 --delete-all-output; fi
 	rm -rf .snakemake .pytest_cache .ruff_cache .mypy_cache .hypothesis build dist
-	find src tests workflow benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	rm -f docs/*.svg
+	find src tests workflow benchmarks docs -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
 	rm -rf $(VENV)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -177,10 +179,67 @@ def test_shipped_weights_are_as_printed(system: str) -> None:
             np.testing.assert_allclose(value, number, rtol=0.06, err_msg=name)
 
 
+WHOLE = ("index", "tutorial")  # run from top to bottom
+BY_SECTION = {
+    "from_your_estimator": 4,
+    "conventions": 1,
+    "which_gauge": 1,
+}  # run one by one, by the tests above
+LANGUAGES = {"", "python", "text", "cpp", "yaml", "{toctree}", "{eval-rst}", "{csv-table}"}
+PAGES = {path.stem: path.read_text("utf-8") for path in pages.DOCS.glob("*.md")}
+
+
+def test_every_block_is_run() -> None:
+    """Catches a page or a section whose Python no test runs, or that hides behind another mark."""
+    found = {name: len(pages.blocks(text)) for name, text in PAGES.items() if name not in WHOLE}
+    assert {name: count for name, count in found.items() if count} == BY_SECTION
+    for name, text in PAGES.items():
+        marks = re.findall(r"^ *(?:```|~~~)(.*)$", text, re.MULTILINE)
+        assert set(marks) <= LANGUAGES, name
+
+
+def test_commands_exist() -> None:
+    """Catches a command that was renamed under the pages that name it."""
+    text = "\n".join(PAGES.values())
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    named = re.findall(r"(?:^|`)(?:EUROC_ROOT=\S+ )?make ([a-z-]+)", text, re.MULTILINE)
+    modules = re.findall(r"python -m ((?:vigauge|benchmarks)[\w.]*)", text)
+    assert named and set(named) <= targets
+    assert modules and all(map(importlib.util.find_spec, modules))
+
+
+def test_api_lists_every_public_name() -> None:
+    """Catches a public name that the API page leaves out, or keeps after it has gone."""
+    listed = re.findall(r"^\.\. auto\w+:: (\w+)(?:$|\()", PAGES["api"], re.MULTILINE)
+    assert sorted(listed) == sorted(set(vg.__all__) - {"__version__"})
+
+
+def test_site_is_strict_and_fetches_nothing(tmp_path: Path) -> None:
+    """Catches a broken link, a malformed docstring, a page that loads something from outside."""
+    for package in ("sphinx", "myst_parser", "furo", "latex2mathml", "ziamath"):
+        pytest.importorskip(package, reason="needs the extra docs")
+    site = tmp_path / "site"
+    command = [sys.executable, "-m", "sphinx", "--quiet", "--fail-on-warning", "--doctree-dir"]
+    done = subprocess.run(
+        [*command, tmp_path / "doctrees", "docs", site], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    loads = re.compile(
+        r"""<(?!a\b)\w[^>]*\b(?:src|href|data)=["']?(?:https?:)?//|url\(["']?(?:https?:)?//|@import"""
+    )
+    for path in [*site.rglob("*.html"), *site.rglob("*.css")]:
+        assert not loads.search(path.read_text("utf-8")), path.name
+    assert (site / "_static" / "STIXTwoMath-Regular.ttf").exists()
+    assert "<math" in (site / "tutorial.html").read_text("utf-8")
+    assert "https://doi.org/10.1109/LRA.2018.2833152  tutorial\n" in (site / "external_links.txt").read_text(
+        "utf-8"
+    )
+
+
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-@pytest.mark.parametrize("name", ["tutorial"])
+@pytest.mark.parametrize("name", WHOLE)
 def test_page_prints_what_it_shows(name: str, folder: Path) -> None:
     """Catches a block that fails, prints something else than the page says, or draws no picture for it."""
     page = pages.DOCS / f"{name}.md"

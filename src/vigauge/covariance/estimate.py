@@ -150,7 +150,7 @@ class EstimateCovariance:
     def log_det(self, gauge: Any = None) -> float:
         """Logarithm of the product of the covariance's eigenvalues that are not zero, for D-optimality.
 
-        The gauge adds log det(V^T V) + log det(U^T U) - 2 log |det(V^T U)|, which only depends on the
+        The gauge adds ``log det(V^T V) + log det(U^T U) - 2 log |det(V^T U)|``, which only depends on the
         estimate: differences between two sets of measurements at one estimate are the same in every
         gauge. Those of the trace (A-optimality) and of the largest eigenvalue (E-optimality) are not.
         """
