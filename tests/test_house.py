@@ -23,6 +23,7 @@ LIBRARY, ARTIFACT = "vigauge", "vigauge_paper"
 # floor fails the test, so a new folder gets its place on purpose. The library's root is its public API.
 FLOORS = (
     "vigauge_paper.commands",
+    "vigauge_paper.page",
     "vigauge_paper.claims",
     "vigauge_paper.comparison",
     "vigauge_paper.figures",

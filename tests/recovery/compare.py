@@ -10,8 +10,8 @@ from pathlib import Path
 
 FOLDERS = ("data", "paper_figures")
 
-# Files and folders that hold nothing but times, and drawings of times; the ledger's page has those inside.
-TIMES_ONLY = ("timing.csv", "timing", "iteration_time.csv", "claims.html")
+# Files and folders that hold nothing but times, and drawings of times; the page has those inside.
+TIMES_ONLY = ("timing.csv", "timing", "iteration_time.csv", "index.html")
 DRAWN_TIMES = ("fig05_", "fig07_", "fig11_")
 # Lines of the comparison: a time, or how many numbers of such a figure lie inside our range.
 _TIMED = re.compile(r"time|^\| fig(05|07|11) \| \d+ \|")

@@ -139,6 +139,7 @@ SOURCE_OF_CLAIMS = SOURCE_OF_SEQUENCES if SEQUENCES_ARE_PUBLISHED or not EUROC_R
 
 # Of the checkout, also where results go elsewhere with --directory.
 PUBLISHED_FOLDER = os.path.relpath(ROOT / "data/published")
+WINDOWS_TABLE = "paper_figures/windows.md"
 # Made by a target of its own; the ledger shows it where it is there.
 SENSITIVITY = "data/sensitivity/summary.csv"
 SENSITIVITY_STAMP = "data/sensitivity/summary.stamp.json"
@@ -147,7 +148,7 @@ SPREAD_STAMP = "data/spread/spread.stamp.json"
 LEDGER_FILES = [
     "claims.csv",
     "claims.md",
-    "claims.html",
+    "index.html",
     "claims_why.csv",
     "claims_statistics.csv",
     "comparison.csv",
@@ -385,8 +386,25 @@ def digest_where_made(table):
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
 
 
+def figures_beside_the_paper():
+    """Figures that show the paper's numbers where there are any: on sequences only if they are the paper's."""
+    if not SHOW_PUBLISHED:
+        return []
+    return [key for key in FIGURES if SEQUENCES_ARE_PUBLISHED or key not in ("fig01", "fig10", "fig11")]
+
+
+def extensions(wildcards):
+    """Results that are only made when asked for, where they are of this build's sequences."""
+    made = SHOWN.get(WINDOWS_TABLE, {}).get("claims") == SOURCE_OF_CLAIMS
+    return [f"Other parts of the recordings={WINDOWS_TABLE}"] if made else []
+
+
 def folder_of_output(wildcards, output):
     return os.path.dirname(output[0])
+
+
+def folder_of_captions(wildcards, input):
+    return os.path.dirname(input.captions[0])
 
 
 def folder_of_published(wildcards, input):

@@ -2,12 +2,9 @@
 
 OUT = "paper_figures"
 # What shows a claim: names as the ledger has them.
-EVIDENCE = {
-    **{table: f"{OUT}/{table}.csv" for table in TABLES},
-    **{key: f"{OUT}/{figure.stem}.png" for key, figure in FIGURES.items()},
-    "claims_statistics": f"{OUT}/claims_statistics.csv",
-    **REASON_TABLES,
-}
+IMAGES = {key: f"{OUT}/{figure.stem}.png" for key, figure in FIGURES.items()}
+EXPLAINING = {"claims_statistics": f"{OUT}/claims_statistics.csv", **REASON_TABLES}
+EVIDENCE = {**{table: f"{OUT}/{table}.csv" for table in TABLES}, **IMAGES, **EXPLAINING}
 
 
 rule environment:
@@ -437,26 +434,38 @@ rule claims:
         " --evidence {params.evidence:q} {params.sensitivity} --stamps {input.stamps:q} &> {log:q}"
 
 
-rule claims_page:
+rule index:
     input:
-        list(EVIDENCE.values()),
+        [*IMAGES.values(), *EXPLAINING.values()],
+        tables=[f"{OUT}/{table}.md" for table in TABLES],
         claims=f"{OUT}/claims.csv",
         why=f"{OUT}/claims_why.csv",
-        code=code_of("claims_page"),
+        environment=f"{OUT}/environment.json",
+        captions=[os.path.relpath(ROOT / f"workflow/report/{key}.rst") for key in FIGURES],
+        page=sorted(os.path.relpath(file) for file in SOURCE.glob("vigauge_paper/page/*.*")),
+        code=code_of("index"),
     output:
-        report(f"{OUT}/claims.html", caption="../report/claims_page.rst", category="Claims"),
+        report(f"{OUT}/index.html", caption="../report/index.rst", category="Claims"),
     log:
-        "logs/paper/claims_page.log",
+        "logs/paper/index.log",
     conda:
         "../envs/vigauge.yaml"
     params:
-        evidence=[f"{name}={file}" for name, file in EVIDENCE.items()],
+        captions=folder_of_captions,
+        tables=[f"{table}={OUT}/{table}.md" for table in TABLES],
+        figures=[f"{name}={file}" for name, file in IMAGES.items()],
+        evidence=[f"{name}={file}" for name, file in EXPLAINING.items()],
+        published=figures_beside_the_paper(),
+        extensions=extensions,
+        extensions_digest=digest_where_made(WINDOWS_TABLE),
         source=SOURCE_OF_CLAIMS,
     message:
-        "The ledger as a page with its evidence"
+        "The page that a reader opens first"
     shell:
-        "python -m vigauge_paper.commands.claims_page --claims {input.claims:q} --why {input.why:q}"
-        " --evidence {params.evidence:q} --output {output:q} &> {log:q}"
+        "python -m vigauge_paper.commands.index --claims {input.claims:q} --why {input.why:q}"
+        " --environment {input.environment:q} --captions {params.captions:q} --tables {params.tables:q}"
+        " --figures {params.figures:q} --evidence {params.evidence:q} --published {params.published:q} --extensions {params.extensions:q}"
+        " --source {params.source} --output {output:q} &> {log:q}"
 
 
 rule comparison:

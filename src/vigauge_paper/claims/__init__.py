@@ -10,11 +10,12 @@ from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import Criteria, Interval
 from ..ids import ERRORS
 from .claim import Claim, Finding, Verdict
-from .ledger import CLAIMS, explanations, headline, ledger, paired_statistics
+from .ledger import CLAIMS, THEMES, evidence_links, explanations, headline, ledger, paired_statistics
 
 __all__ = [
     "CLAIMS",
     "ERRORS",
+    "THEMES",
     "Claim",
     "Criteria",
     "Evidence",
@@ -22,6 +23,7 @@ __all__ = [
     "Interval",
     "NoEvidenceError",
     "Verdict",
+    "evidence_links",
     "explanations",
     "headline",
     "ledger",

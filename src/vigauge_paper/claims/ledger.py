@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import effect_size
 from ..ids import ERRORS, NOT_FIXED
@@ -15,7 +17,16 @@ from .theory import THEORY
 
 Row = dict[str, object]
 
-CLAIMS: tuple[Claim, ...] = (*THEORY, *PRIOR_WEIGHT, *ACCURACY, *COST, *COVARIANCE, *SEQUENCES)
+# In the order of the paper.
+THEMES: dict[str, tuple[Claim, ...]] = {
+    "What no measurement sees": THEORY,
+    "The prior's weight": PRIOR_WEIGHT,
+    "Accuracy": ACCURACY,
+    "Cost": COST,
+    "Covariance": COVARIANCE,
+    "Image sequences": SEQUENCES,
+}
+CLAIMS: tuple[Claim, ...] = tuple(claim for claims in THEMES.values() for claim in claims)
 
 # The only failure of substance: it leads the list of what differs.
 FIRST_OF_DIFFERENCES = "large-weights-unstable"
@@ -60,6 +71,12 @@ def explanations(evidence: Evidence) -> list[Row]:
             why = f"Not explained: {error}."
         rows.append({"id": claim.id, "why": why})
     return rows
+
+
+def evidence_links(claim_id: str, files: Container[str]) -> list[str]:
+    """Names of a claim's evidence that there are files of."""
+    (claim,) = (claim for claim in CLAIMS if claim.id == claim_id)
+    return [name for name in claim.evidence if name in files]
 
 
 def headline(rows: list[Row]) -> str:

@@ -12,8 +12,15 @@ import pandas as pd
 from vigauge.cli.command import LOG
 from vigauge.errors import MixtureError
 from vigauge.files import write_rows, write_text
-from vigauge_paper.claims import Criteria, Evidence, explanations, headline, ledger, paired_statistics
-from vigauge_paper.claims.page import evidence_links
+from vigauge_paper.claims import (
+    Criteria,
+    Evidence,
+    evidence_links,
+    explanations,
+    headline,
+    ledger,
+    paired_statistics,
+)
 from vigauge_paper.claims.sensitivity import ranges
 from vigauge_paper.run.artefacts import add_reading, add_section, named_file
 from vigauge_paper.run.provenance import require_coherent

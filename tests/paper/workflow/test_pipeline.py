@@ -289,9 +289,9 @@ def test_same_config_gives_the_same_bytes(tmp_path: Path, smoke_project: Path) -
 def test_ledger_judged_again_is_the_same_bytes(tmp_path: Path, smoke_project: Path) -> None:
     """Hidden state in the ledger, such as a bootstrap that is not seeded: same files, same verdicts."""
     again = shutil.copytree(smoke_project, tmp_path / "project", symlinks=True)
-    names = ["claims.csv", "claims_why.csv", "claims_statistics.csv", "comparison.csv", "claims.html"]
-    targets = [f"{OUT}/claims.html", f"{OUT}/comparison.csv"]
-    done = snakemake(again, *targets, "--forcerun", "claims", "comparison", "claims_page")
+    names = ["claims.csv", "claims_why.csv", "claims_statistics.csv", "comparison.csv", "index.html"]
+    targets = [f"{OUT}/index.html", f"{OUT}/comparison.csv"]
+    done = snakemake(again, *targets, "--forcerun", "claims", "comparison", "index")
     assert done.returncode == 0, done.stderr[-3000:]
     assert "Judging the paper's claims" in done.stdout + done.stderr
     for name in names:
@@ -320,7 +320,7 @@ def test_report_builds_with_every_caption(smoke_project: Path) -> None:
     report = (smoke_project / "report.html").read_text("utf-8")
     assert len(report) > 100_000
     # The page with the evidence opens inside the report: it is there as HTML.
-    start = report.index('"paper_figures/claims.html": {')
+    start = report.index('"paper_figures/index.html": {')
     assert re.search(r'"mime_type": "text/html".*?"data_uri": "data:text/html', report[start : start + 2000])
 
 

@@ -1,0 +1,60 @@
+"""Write the page that a reader opens first."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from pathlib import Path
+
+from vigauge.files import write_text
+from vigauge_paper.page.index import Material, index_page
+from vigauge_paper.run.artefacts import named_file
+from vigauge_paper.run.stage import parser, run
+
+
+def _rows(file: Path) -> list[dict[str, str]]:
+    with file.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def work(options: argparse.Namespace) -> None:
+    material = Material(
+        rows=_rows(options.claims),
+        why={row["id"]: row["why"] for row in _rows(options.why)},
+        claims=options.claims.with_suffix(".md").read_text(encoding="utf-8"),
+        figures=dict(options.figures),
+        evidence=dict(options.evidence),
+        tables=dict(options.tables),
+        captions=options.captions,
+        source=options.source,
+        published=options.published,
+        environment=json.loads(options.environment.read_text(encoding="utf-8")),
+        extensions=dict(options.extensions),
+    )
+    write_text(options.output, index_page(material))
+
+
+def main() -> None:
+    arguments = parser(__doc__)
+    arguments.add_argument("--claims", type=Path, required=True, help="claims.csv, with claims.md beside it")
+    arguments.add_argument("--why", type=Path, required=True, help="reason of each claim")
+    arguments.add_argument("--environment", type=Path, required=True, help="environment.json")
+    arguments.add_argument("--captions", type=Path, required=True, help="folder of the figures' captions")
+    arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
+    arguments.add_argument(
+        "--published", nargs="*", default=[], help="figures that show the paper's numbers beside ours"
+    )
+    for name, about, least in (
+        ("figures", "NAME=FILE of figures (PNG)", "+"),
+        ("evidence", "NAME=FILE of tables that explain (CSV)", "+"),
+        ("tables", "NAME=FILE of Tables I to III (Markdown)", "+"),
+        ("extensions", "TITLE=FILE of further results (Markdown or CSV)", "*"),
+    ):
+        arguments.add_argument(f"--{name}", type=named_file, nargs=least, default=[], help=about)
+    arguments.add_argument("--output", type=Path, required=True, help="the page")
+    run(work, arguments)
+
+
+if __name__ == "__main__":
+    main()
