@@ -104,7 +104,7 @@ def test_ceres_takes_our_steps_with_a_loss(loss, gauge, tolerance, field, build_
     write_problem(tmp_path / "problem", problem)
     command = [str(build(build_folder)), str(tmp_path / "problem"), "1", str(tolerance), "200"]
     requests = (
-        f"loss {type(loss).__name__.lower()} {loss.delta}",
+        f"loss {loss.kind} {loss.delta}",
         f"solve {gauge.name} dense_schur",
         "state state",
     )

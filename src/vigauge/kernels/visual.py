@@ -109,7 +109,7 @@ def cost(
     intrinsics: Array,
     batches: Batches,
     pixels: Array,
-    loss: Loss | None,
+    loss: Loss,
 ) -> tuple[float, float]:
     """Sum of squares of :func:`residuals`, each through the loss, and of their lengths.
 
@@ -135,7 +135,7 @@ def cost(
                     r_u = (fx * u + cx - pixels[view, i]) * w
                     r_v = (fy * v + cy - pixels[view, L + i]) * w
                     square = r_u * r_u + r_v * r_v
-                    squares += rho(square, loss)
+                    squares += rho(square, loss.huber, loss.cauchy)
                     lengths += math.sqrt(square)
     return squares, lengths
 
@@ -153,7 +153,7 @@ def _add_view(
     p_CB: Array,
     intrinsics: Array,
     pixels: Array,
-    loss: Loss | None,
+    loss: Loss,
     s: Array,
 ) -> None:
     """Add M and J_l^T r of a view's observations to the cell's rows of ``s``.
@@ -170,7 +170,7 @@ def _add_view(
         u, v, inverse_depth = _seen(x, y, z, w, R, t)
         r_u = (fx * u + cx - pixels[view, i]) * w
         r_v = (fy * v + cy - pixels[view, L + i]) * w
-        root = root_weight(r_u * r_u + r_v * r_v, loss)
+        root = root_weight(r_u * r_u + r_v * r_v, loss.huber, loss.cauchy)
         r_u, r_v, w = r_u * root, r_v * root, w * root
         p, q = fx * w * inverse_depth, fy * w * inverse_depth
         a0, a1, a2 = (R[0] - u * R[6]) * p, (R[1] - u * R[7]) * p, (R[2] - u * R[8]) * p
@@ -268,7 +268,7 @@ def accumulate(
     intrinsics: Array,
     batches: Batches,
     pixels: Array,
-    loss: Loss | None,
+    loss: Loss,
     first_batch: int,
     end_batch: int,
     information: Array,

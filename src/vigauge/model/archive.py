@@ -109,7 +109,7 @@ def _problem_arrays(problem: Problem) -> dict[str, Any]:
     arrays["sigma_px"] = problem.sigma_px
     arrays["gravity"] = problem.gravity
     if problem.loss is not None:
-        arrays["loss"] = type(problem.loss).__name__.lower()
+        arrays["loss"] = problem.loss.kind
         arrays["loss.delta"] = problem.loss.delta
     for camera_field, values in (
         ("intrinsics", [[c.fx, c.fy, c.cx, c.cy] for c in problem.cameras]),

@@ -24,7 +24,7 @@ class Loss:
     """
 
     delta: float
-    kind: ClassVar[int]
+    kind: ClassVar[str]
 
     def __post_init__(self) -> None:
         name = type(self).__name__
@@ -37,7 +37,7 @@ class Loss:
     @property
     def compiled(self) -> loss.Loss:
         """The loss as the kernels read it."""
-        return loss.Loss(self.kind, self.delta)
+        return loss.Loss(**{self.kind: self.delta})
 
 
 class Huber(Loss):
@@ -46,7 +46,7 @@ class Huber(Loss):
     The weight is 1, then delta / sqrt(s). ``HuberLoss(delta)`` of Ceres.
     """
 
-    kind = loss.HUBER
+    kind = "huber"
 
 
 class Cauchy(Loss):
@@ -56,7 +56,7 @@ class Cauchy(Loss):
     matters. ``CauchyLoss(delta)`` of Ceres.
     """
 
-    kind = loss.CAUCHY
+    kind = "cauchy"
 
 
-LOSSES: dict[str, type[Loss]] = {"huber": Huber, "cauchy": Cauchy}
+LOSSES: dict[str, type[Loss]] = {kind.kind: kind for kind in (Huber, Cauchy)}

@@ -362,9 +362,9 @@ class Problem:
         return out
 
     @cached_property
-    def compiled_loss(self) -> CompiledLoss | None:
+    def compiled_loss(self) -> CompiledLoss:
         """The loss as the kernels read it."""
-        return None if self.loss is None else self.loss.compiled
+        return CompiledLoss() if self.loss is None else self.loss.compiled
 
     @cached_property
     def camera_arrays(self) -> dict[str, Array]:
