@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -10,6 +12,7 @@ from support import simulated
 from vigauge.covariance.consistency import chi_square, mean_nees_band, nees
 from vigauge.errors import DataError
 from vigauge.gauge.gauges import FreeGauge
+from vigauge.model.loss import Huber
 from vigauge.solver.levenberg_marquardt import solve
 from vigauge.solver.normal_equations import inertial_information, linearise
 
@@ -39,6 +42,12 @@ def test_believing_twice_the_noise_quarters_chi_square() -> None:
     assert np.isclose(two.visual, one.visual / 4.0)
     assert np.isclose(two.inertial, one.inertial / 4.0)
     assert np.isclose(two.inertial_redundancy, one.inertial_redundancy)
+
+
+def test_no_chi_square_of_a_loss() -> None:
+    """Catches squares of outliers compared with redundancies of weighted rows."""
+    with pytest.raises(DataError, match="problem, loss: must have no loss"):
+        chi_square(replace(simulated.trial(), loss=Huber(2.0)), simulated.estimate())
 
 
 def test_inertial_share_does_not_see_the_gauge_and_is_part_of_the_whole() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from support import simulated
 from vigauge.errors import SolverError
+from vigauge.model.loss import Huber
 from vigauge.recordings.frontend.outliers import find_inliers, reprojection_px, without
 from vigauge.recordings.frontend.settings import OutlierSettings
 
@@ -67,13 +68,14 @@ def test_landmark_left_with_too_few_keyframes_goes_altogether() -> None:
 
 
 def test_reduced_problem_keeps_pixels_with_their_landmarks() -> None:
-    """Landmarks renumbered in one array and not in the other: same residuals or it is wrong."""
-    problem = simulated.trial(0)
+    """Landmarks renumbered in one array and not in the other: same residuals or it is wrong. A lost loss."""
+    problem = replace(simulated.trial(0), loss=Huber(2.0))
     keep = problem.obs_landmark % 3 != 1
     reduced, landmarks = without(problem, keep, problem.initial)
     np.testing.assert_array_equal(landmarks, np.flatnonzero(np.arange(problem.initial.n_landmarks) % 3 != 1))
     before = reprojection_px(problem, problem.initial)[keep]
     np.testing.assert_allclose(reprojection_px(reduced, reduced.initial), before, rtol=1e-12)
+    assert reduced.loss == problem.loss
 
 
 def test_round_that_does_not_converge_is_an_error() -> None:
