@@ -175,6 +175,12 @@ def blocks_in_our_parameters(joints: list[gtsam.JointMarginal], state: State) ->
 def in_our_parameters(joint: gtsam.JointMarginal, state: State) -> Array:
     """(9N, 9N) covariance of left increments in W, in our order, from the joint marginal of
     :func:`motion_keys`."""
+    T = to_our_parameters(state)
+    return T @ joint.fullMatrix() @ T.T
+
+
+def to_our_parameters(state: State) -> Array:
+    """(9N, 9N) derivative of our parameters by GTSAM's increments in the order of :func:`motion_keys`."""
     n = state.n_keyframes
     T = np.zeros((9 * n, 9 * n))
     for i, R in enumerate(state.R_WB):
@@ -182,4 +188,4 @@ def in_our_parameters(joint: gtsam.JointMarginal, state: State) -> Array:
         T[3 * i : 3 * i + 3, 6 * i + 3 : 6 * i + 6] = R  # GTSAM: rotation, then translation, in the body
         T[3 * (n + i) : 3 * (n + i) + 3, 6 * i : 6 * i + 3] = left
         T[3 * (2 * n + i) : 3 * (2 * n + i) + 3, 3 * (2 * n + i) : 3 * (2 * n + i) + 3] = np.eye(3)
-    return T @ joint.fullMatrix() @ T.T
+    return T
