@@ -30,6 +30,8 @@ _PUBLIC = {
     "Preintegrated": ("model.imu", "increments between two keyframes, and their covariance"),
     "preintegrate": ("model.imu", "inertial samples between two times as one factor"),
     "solve": ("solver.levenberg_marquardt", "minimise a problem under a gauge"),
+    "solve_with_samples": ("solver.reintegration", "the same, integrating anew at the biases found"),
+    "reintegrate": ("solver.reintegration", "inertial factors at the biases of a state"),
     "Options": ("solver.levenberg_marquardt", "tolerances, limits and threads of a solve"),
     "Solution": ("solver.levenberg_marquardt", "the estimate, how the run ended, and its trace"),
     "Status": ("solver.levenberg_marquardt", "why a run ended"),

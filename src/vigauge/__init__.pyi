@@ -70,6 +70,8 @@ from .solver.levenberg_marquardt import Options as Options
 from .solver.levenberg_marquardt import Solution as Solution
 from .solver.levenberg_marquardt import Status as Status
 from .solver.levenberg_marquardt import solve as solve
+from .solver.reintegration import reintegrate as reintegrate
+from .solver.reintegration import solve_with_samples as solve_with_samples
 
 __version__: str
 

@@ -191,9 +191,12 @@ def preintegrate(
     t_end_ns: int,
     noise: ImuNoise,
     *,
+    biases: tuple[Array, Array] | None = None,
     largest_gap_s: float | None = None,
 ) -> Preintegrated:
     """Preintegrate bias-corrected samples from ``t_start_ns`` to ``t_end_ns``.
+
+    ``biases``: (gyroscope, accelerometer), (3,) each, to take off the samples before.
 
     ``largest_gap_s``: time between two samples that is still bridged by a straight line, by default ten
     times the median.
@@ -208,6 +211,8 @@ def preintegrate(
     lo = max(int(np.searchsorted(samples.t_ns, t_start_ns, side="right")) - 1, 0)
     hi = int(np.searchsorted(samples.t_ns, t_end_ns, side="left")) + 1
     window = ImuSamples(samples.t_ns[lo:hi], samples.gyro[lo:hi], samples.accel[lo:hi])
+    if biases is not None:
+        window = window.corrected(*biases)
     time, weights = _nodes(window, t_start_ns, t_end_ns)
     _require_dense(samples, lo, hi, largest_gap_s)
     gyro, accel = weights @ window.gyro, weights @ window.accel

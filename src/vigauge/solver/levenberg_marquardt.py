@@ -206,11 +206,13 @@ def solve(
     *,
     clock: Callable[[], float] = lambda: 0.0,
     keep_states: bool = False,
+    start: State | None = None,
 ) -> Solution:
     """Minimise Eq. (1) from ``problem.initial`` under a gauge.
 
     Parameters
     ----------
+    start : state to begin from, if another than ``problem.initial``, which gauges and priors still refer to
     clock : seconds, e.g. ``time.perf_counter``; without it every time in the trace is 0
     keep_states : keep the state of every iteration (Fig. 2)
 
@@ -219,7 +221,7 @@ def solve(
     options = options or _CERES_DEFAULTS
     # What is done in one piece is done here: threads would only have to be started.
     with Workers(options.threads if len(problem.structure.pieces) > 1 else 1) as workers:
-        return _Run(problem, gauge, options, clock, keep_states, workers).solve()
+        return _Run(problem, gauge, options, clock, keep_states, workers, start).solve()
 
 
 class _Run:
@@ -233,6 +235,7 @@ class _Run:
         clock: Callable[[], float],
         keep_states: bool,
         workers: Workers,
+        start: State | None,
     ) -> None:
         self.problem, self.options, self.clock, self.keep_states = problem, options, clock, keep_states
         self.begin = clock()
@@ -243,7 +246,8 @@ class _Run:
         self.trace: list[Iteration] = []
         self.states: list[State] = []
         self.moved = False
-        self.here = self.objective.evaluate(problem.initial)
+        begin = problem.initial if start is None else problem.require_fits(start)
+        self.here = self.objective.evaluate(begin)
 
     def solve(self) -> Solution:
         self._record(accepted=True)
