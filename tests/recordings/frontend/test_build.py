@@ -176,6 +176,42 @@ def test_what_cannot_be_used_is_one_clear_error(rendered, change: dict[str, Any]
         build_problem(rendered.sequence, rendered.truth, FrontEndSettings.from_mapping(FLOW | change))
 
 
+@pytest.fixture(scope="module")
+def aligned(rendered) -> Run:
+    settings = FrontEndSettings.from_mapping(FLOW | {"biases": "aligned"})
+    problem, t_ns, report = build_problem(rendered.sequence, None, settings)
+    return Run(problem, t_ns, report, truth_state(rendered.truth, t_ns))
+
+
+def test_without_truth_biases_are_found_and_the_problem_is_nearly_the_same(aligned: Run, rendered) -> None:
+    """Biases of the wrong sign or body axis, or found and then not taken off."""
+    found, truth = aligned.report.aligned, rendered.truth
+    for name, true in (("gyro_bias", truth.gyro_bias[0]), ("accel_bias", truth.accel_bias[0])):
+        units = "radps" if name == "gyro_bias" else "mps2"
+        error = np.array(found[f"{name}_{units}"]) - true
+        assert np.abs(error / found[f"{name}_sigma_{units}"]).max() < 4.0
+    problem = aligned.problem.with_noise(0.3, 1.0)
+    start = trajectory_errors(problem.initial, aligned.truth)
+    assert start.p_rmse_m < 0.03 and start.phi_rmse_deg < 1.0 and start.v_rmse_mps < 0.2
+    end = trajectory_errors(solve(problem, FreeGauge()).state, aligned.truth)
+    assert end.p_rmse_m < 0.012 and end.phi_rmse_deg < 0.5 and end.v_rmse_mps < 0.1
+
+
+def test_aligned_biases_take_nothing_from_a_truth_that_is_there(aligned: Run, rendered) -> None:
+    """A truth that leaks into a result which says that it used none."""
+    settings = FrontEndSettings.from_mapping(FLOW | {"biases": "aligned"})
+    wrong = replace(rendered.truth, gyro_bias=1.0 + rendered.truth.gyro_bias)
+    again, _, report = build_problem(rendered.sequence, wrong, settings)
+    assert report == aligned.report
+    np.testing.assert_array_equal(again.inertial.dv, aligned.problem.inertial.dv)
+
+
+def test_known_biases_without_truth_are_refused(rendered) -> None:
+    """Biases of zero where nobody said that they are."""
+    with pytest.raises(DataError, match='"aligned"'):
+        build_problem(rendered.sequence, None, FrontEndSettings.from_mapping(FLOW))
+
+
 def stage(
     folder: Path, out: Path, settings: dict[str, Any], **more: Path
 ) -> subprocess.CompletedProcess[str]:

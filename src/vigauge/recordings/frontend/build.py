@@ -1,7 +1,7 @@
 """From a sequence to a problem: tracking, poses, gravity, landmarks, inertial factors.
 
-Ground truth gives the biases and nothing else. The start that comes out is the
-front-end's own: PnP poses, velocities and gravity by alignment, triangulated landmarks.
+Ground truth gives the biases and nothing else, or nothing at all (setting ``biases``: aligned). The start
+that comes out is the front-end's own: PnP poses, velocities and gravity by alignment, triangulated landmarks.
 Solving serves here only to find outliers; its estimate is thrown away.
 """
 
@@ -21,13 +21,22 @@ from ...geometry.camera import Camera
 from ...geometry.so3 import Array
 from ...model.problem import InertialFactors, Problem
 from ...model.state import State
+from ..alignment import Alignment, align
 from ..asl.ground_truth import GroundTruth
 from ..asl.images import read_image
 from ..asl.sequence import Sequence
 from .descriptor_matching import MatchCounts, track_by_descriptors
 from .frames import choose_frames
-from .inertial import KnownBiases, check_gaps, inertial_factors, preintegrate_between
-from .initialisation import Alignment, align_with_gravity
+from .inertial import (
+    ANY_GAP_S,
+    Biases,
+    ConstantBiases,
+    KnownBiases,
+    check_gaps,
+    inertial_factors,
+    preintegrate_between,
+)
+from .initialisation import GravityAlignment, align_with_gravity
 from .mapping import Map, pose_keyframes
 from .opencv import one_thread
 from .optical_flow import FlowCounts, track_by_flow
@@ -53,7 +62,7 @@ class _Start:
 
 
 def build_problem(
-    sequence: Sequence, biases: GroundTruth, settings: FrontEndSettings, *, progress: bool = False
+    sequence: Sequence, biases: GroundTruth | None, settings: FrontEndSettings, *, progress: bool = False
 ) -> tuple[Problem, NDArray[np.int64], FrontEndReport]:
     """The problem of a sequence, the stamps of its keyframes (N,) in ns, and what was done.
 
@@ -62,28 +71,36 @@ def build_problem(
 
     Parameters
     ----------
-    biases : ground truth to take known biases from, and nothing else
+    biases : ground truth to take known biases from, and nothing else; not used, and may be None, where
+        ``settings.biases`` is "aligned"
     progress : show a bar on standard error, where that is a terminal
 
     Raises
     ------
     DataError
         for input that cannot be used: too few frames, points or inliers, inertial samples
-        or biases that do not cover the window, a frozen camera, a broken image.
+        or biases that do not cover the window, a frozen camera, a broken image, no truth where biases are
+        to come from it.
     VigaugeError
         where alignment or the outlier rounds fail.
     """
     sequence, keyframes, skipped = choose_frames(sequence, settings)
     t_ns = sequence.frames.t_ns[keyframes]
     check_gaps(sequence.imu, int(t_ns[0]), int(t_ns[-1]), settings.largest_imu_gap_s)
-    known = KnownBiases(biases, settings.biases, int(t_ns[0]))
-    factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
+    known = _known_biases(biases, settings, int(t_ns[0]))
     with one_thread():
         tracks, counts = _track(sequence, keyframes, known, settings, progress)
         mapped = pose_keyframes(
             sequence.cameras, tracks, len(keyframes), settings.pose, settings.triangulation
         )
-    alignment = align_with_gravity(mapped.p_M, mapped.R_MB, factors, settings.gravity_mps2)
+    alignment: Alignment | GravityAlignment
+    if isinstance(known, KnownBiases):
+        factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
+        alignment = align_with_gravity(mapped.p_M, mapped.R_MB, factors, settings.gravity_mps2)
+    else:
+        alignment = _align(sequence, t_ns, mapped, settings)
+        known = ConstantBiases(alignment.gyro_bias, alignment.accel_bias)
+        factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
     start = _upright(mapped, alignment)
 
     first = triangulate(sequence.cameras, start.p_W, start.R_WB, mapped.tracks, settings.triangulation)
@@ -110,10 +127,34 @@ def build_problem(
     return problem, t_ns, report
 
 
+def _known_biases(truth: GroundTruth | None, settings: FrontEndSettings, first_ns: int) -> Biases:
+    """Biases to follow points by: those of the truth, or none yet where alignment is to find them."""
+    if settings.biases == "aligned":
+        return ConstantBiases(np.zeros(3), np.zeros(3))
+    if truth is None:
+        rule = 'must be "aligned" where there is no ground truth to take biases from'
+        raise DataError("front-end settings", rule, field="biases", value=settings.biases)
+    return KnownBiases(truth, settings.biases, first_ns)
+
+
+def _align(sequence: Sequence, t_ns: NDArray[np.int64], mapped: Map, settings: FrontEndSettings) -> Alignment:
+    """Biases, gravity and motion without truth, at the noise that the outlier rounds believe in too."""
+    return align(
+        mapped.p_M,
+        mapped.R_MB,
+        sequence.imu,
+        t_ns,
+        sequence.imu_noise.scaled(settings.outliers.density_factor),
+        settings.gravity_mps2,
+        accel_bias_sigma=settings.accel_bias_sigma_mps2,
+        largest_gap_s=ANY_GAP_S,
+    )
+
+
 def _track(
     sequence: Sequence,
     keyframes: NDArray[np.int64],
-    biases: KnownBiases,
+    biases: Biases,
     settings: FrontEndSettings,
     progress: bool,
 ) -> tuple[Tracks, FlowCounts | MatchCounts]:
@@ -139,7 +180,7 @@ def _bar(items: SequenceOf[int], label: str, progress: bool) -> Collection[int]:
     return bar
 
 
-def _upright(mapped: Map, alignment: Alignment) -> _Start:
+def _upright(mapped: Map, alignment: Alignment | GravityAlignment) -> _Start:
     R_WM = alignment.R_WM
     return _Start(mapped.p_M @ R_WM.T, R_WM @ mapped.R_MB, alignment.v_M @ R_WM.T)
 
@@ -187,7 +228,7 @@ def _report(
     tracks: Tracks,
     counts: FlowCounts | MatchCounts,
     mapped: Map,
-    alignment: Alignment,
+    alignment: Alignment | GravityAlignment,
     first: Triangulation,
     candidate: Problem,
     inliers: Inliers,
@@ -223,4 +264,5 @@ def _report(
         alignment_rms_velocity_mps=alignment.rms_velocity_mps,
         image_pairs_without_right=sequence.frames.n_dropped,
         frames_skipped=skipped,
+        aligned=alignment.to_mapping() if isinstance(alignment, Alignment) else {},
     )

@@ -1,6 +1,8 @@
-"""Inertial factors between keyframes, with known biases taken off."""
+"""Inertial factors between keyframes, with biases taken off."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,8 @@ from ..asl.ground_truth import GroundTruth
 
 # Known biases move slowly; a truth row this near an instant speaks for it.
 _BIAS_REACH_NS = 100_000_000
+# The front-end's own setting says which gaps it allows, see check_gaps.
+ANY_GAP_S = 1e9
 
 
 class KnownBiases:
@@ -47,6 +51,21 @@ class KnownBiases:
         return self.gyro[row], self.accel[row]
 
 
+@dataclass(frozen=True)
+class ConstantBiases:
+    """One pair for all: ``gyro`` (3,) rad/s and ``accel`` (3,) m/s^2."""
+
+    gyro: Array
+    accel: Array
+
+    def between(self, start_ns: int, end_ns: int) -> tuple[Array, Array]:
+        """As that of :class:`KnownBiases`."""
+        return self.gyro, self.accel
+
+
+Biases = KnownBiases | ConstantBiases
+
+
 def check_gaps(imu: ImuSamples, start_ns: int, end_ns: int, largest_gap_s: float) -> None:
     """Refuse samples with a gap inside start..end: what was not measured cannot be integrated.
 
@@ -64,7 +83,7 @@ def check_gaps(imu: ImuSamples, start_ns: int, end_ns: int, largest_gap_s: float
 
 
 def preintegrate_between(
-    imu: ImuSamples, noise: ImuNoise, stamps_ns: NDArray[np.int64], biases: KnownBiases
+    imu: ImuSamples, noise: ImuNoise, stamps_ns: NDArray[np.int64], biases: Biases
 ) -> list[Preintegrated]:
     """One factor from each stamp to the next, biases taken off.
 
@@ -73,13 +92,12 @@ def preintegrate_between(
     factors = []
     for start, end in zip(stamps_ns[:-1].tolist(), stamps_ns[1:].tolist(), strict=True):
         corrected = imu.corrected(*biases.between(start, end))
-        # The front-end's own setting says which gaps it allows, see check_gaps.
-        factors.append(preintegrate(corrected, start, end, noise, largest_gap_s=1e9))
+        factors.append(preintegrate(corrected, start, end, noise, largest_gap_s=ANY_GAP_S))
     return factors
 
 
 def inertial_factors(
-    imu: ImuSamples, noise: ImuNoise, stamps_ns: NDArray[np.int64], biases: KnownBiases
+    imu: ImuSamples, noise: ImuNoise, stamps_ns: NDArray[np.int64], biases: Biases
 ) -> InertialFactors:
     """The chain of factors over keyframe stamps (N,)."""
     return InertialFactors.chain(preintegrate_between(imu, noise, stamps_ns, biases))

@@ -25,7 +25,7 @@ _REFINEMENTS = 5
 
 
 @dataclass(frozen=True)
-class Alignment:
+class GravityAlignment:
     """Result of :func:`align_with_gravity`.
 
     Attributes
@@ -44,7 +44,7 @@ class Alignment:
     rms_velocity_mps: float
 
 
-def align_with_gravity(p_M: Array, R_MB: Array, factors: InertialFactors, gravity: float) -> Alignment:
+def align_with_gravity(p_M: Array, R_MB: Array, factors: InertialFactors, gravity: float) -> GravityAlignment:
     """Velocities and gravity by linear least squares.
 
     Gravity is first solved for freely, then with its length held at ``gravity`` (m/s^2) and
@@ -80,7 +80,9 @@ def align_with_gravity(p_M: Array, R_MB: Array, factors: InertialFactors, gravit
         g_M *= gravity / np.linalg.norm(g_M)
     left_over = (A[:, :-3] @ v_M + A[:, -3:] @ g_M - b).reshape(-1, 2, 3)
     rms = np.sqrt(np.mean(np.sum(left_over**2, axis=2), axis=0))
-    return Alignment(turn_onto(g_M, np.array([0.0, 0.0, -1.0])), v_M.reshape(-1, 3), length, *map(float, rms))
+    return GravityAlignment(
+        turn_onto(g_M, np.array([0.0, 0.0, -1.0])), v_M.reshape(-1, 3), length, *map(float, rms)
+    )
 
 
 def _equations(p_M: Array, R_MB: Array, factors: InertialFactors) -> tuple[Array, Array, Array]:

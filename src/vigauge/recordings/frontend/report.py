@@ -32,6 +32,7 @@ class FrontEndReport:
     alignment_rms_position_m, alignment_rms_velocity_mps : what the alignment leaves over
     image_pairs_without_right : left frames without a right one, in the whole recording
     frames_skipped : frames of the window that were left out, by reason
+    aligned : biases and their sigmas as the alignment tells them; empty where the truth gave them
     """
 
     sequence: str
@@ -61,6 +62,7 @@ class FrontEndReport:
     alignment_rms_velocity_mps: float
     image_pairs_without_right: int
     frames_skipped: dict[str, int]
+    aligned: dict[str, Any]
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain numbers, lists and dictionaries."""
