@@ -122,6 +122,13 @@ SPREAD = {
 }
 PAPER_SEQUENCES = [MACHINE_HALL, VICON_ROOM]
 EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
+# Estimates of the gauge explorer, and their problems.
+EXPLORED = {
+    config["prior"][
+        "sweep_configuration"
+    ]: f"data/simulation/{config['prior']['sweep_configuration']}/problems.npz",
+    **{name: f"data/sequences/{name}/problem.npz" for name in PAPER_SEQUENCES},
+}
 # Experiments that are timed in one process share a file.
 TIMINGS = {name: "data/timing/simulation.csv" for name in CONFIGURATIONS} | {
     name: f"data/timing/{SOURCE_OF_SEQUENCES}.csv" for name in PAPER_SEQUENCES
@@ -181,6 +188,7 @@ wildcard_constraints:
     sequence="|".join(re.escape(name) for name in ENTRIES),
     scene="hall|room",
     experiment="|".join(TIMED),
+    estimate="|".join(re.escape(name) for name in EXPLORED),
     fetched="|".join(re.escape(name) for name in FETCHED),
     parameter="|".join(config["sensitivity"]["values"]),
     value="[0-9.e-]+",
@@ -224,6 +232,25 @@ def sequence_section(name, part):
 def sequence_folder(name):
     """ASL folder of a sequence: below the EuRoC root, or of the stand-in that is rendered."""
     return str(Path(RECORDINGS, ENTRIES[name]["folder"]))
+
+
+def explored_problems(wildcards):
+    """The problem of an estimate of the gauge explorer."""
+    return EXPLORED[wildcards.estimate]
+
+
+def explored_truth(wildcards):
+    return f"{os.path.dirname(explored_problems(wildcards))}/truth.npz"
+
+
+def explored_stamps(wildcards):
+    name, folder = wildcards.estimate, os.path.dirname(explored_problems(wildcards))
+    return [f"{folder}/stamp.json", f"data/solutions/{name}/stamp.json", f"data/covariance/{name}.stamp.json"]
+
+
+def explored_noise(wildcards):
+    """Noise models of that estimate, as JSON; a simulated one has its own noise."""
+    return sequence_section(wildcards.estimate, "noise") if wildcards.estimate in ENTRIES else "{}"
 
 
 def noise_models(wildcards):

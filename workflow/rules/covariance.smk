@@ -46,3 +46,27 @@ rule covariance_sequence:
     shell:
         "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
         " {params.prior} --noise {params.noise:q} --output {output.covariance:q} --distances {output.distances:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
+
+
+rule explorer:
+    input:
+        problems=explored_problems,
+        truth=explored_truth,
+        states="data/solutions/{estimate}/states.npz",
+        covariance="data/covariance/{estimate}.npz",
+        stamps=explored_stamps,
+        code=code_of("explorer"),
+    output:
+        "data/explorer/{estimate}.json",
+    log:
+        "logs/explorer/{estimate}.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        noise=explored_noise,
+    message:
+        "{wildcards.estimate} for the gauge explorer"
+    shell:
+        "python -m vigauge_paper.commands.explorer --name {wildcards.estimate} --problems {input.problems:q}"
+        " --truth {input.truth:q} --states {input.states:q} --covariance {input.covariance:q} --noise {params.noise:q}"
+        " --output {output:q} --stamps {input.stamps:q} &> {log:q}"

@@ -441,6 +441,7 @@ rule index:
         claims=f"{OUT}/claims.csv",
         why=f"{OUT}/claims_why.csv",
         environment=f"{OUT}/environment.json",
+        explorers=expand("data/explorer/{estimate}.json", estimate=EXPLORED),
         captions=[os.path.relpath(ROOT / f"workflow/report/{key}.rst") for key in FIGURES],
         page=sorted(os.path.relpath(file) for file in SOURCE.glob("vigauge_paper/page/*.*")),
         code=code_of("index"),
@@ -465,7 +466,7 @@ rule index:
         "python -m vigauge_paper.commands.index --claims {input.claims:q} --why {input.why:q}"
         " --environment {input.environment:q} --captions {params.captions:q} --tables {params.tables:q}"
         " --figures {params.figures:q} --evidence {params.evidence:q} --published {params.published:q} --extensions {params.extensions:q}"
-        " --source {params.source} --output {output:q} &> {log:q}"
+        " --explorers {input.explorers:q} --source {params.source} --output {output:q} &> {log:q}"
 
 
 rule comparison:

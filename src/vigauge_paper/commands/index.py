@@ -31,6 +31,7 @@ def work(options: argparse.Namespace) -> None:
         published=options.published,
         environment=json.loads(options.environment.read_text(encoding="utf-8")),
         extensions=dict(options.extensions),
+        explorers=[json.loads(file.read_text(encoding="utf-8")) for file in options.explorers],
     )
     write_text(options.output, index_page(material))
 
@@ -52,6 +53,7 @@ def main() -> None:
         ("extensions", "TITLE=FILE of further results (Markdown or CSV)", "*"),
     ):
         arguments.add_argument(f"--{name}", type=named_file, nargs=least, default=[], help=about)
+    arguments.add_argument("--explorers", type=Path, nargs="*", default=[], help="data of the gauge explorer")
     arguments.add_argument("--output", type=Path, required=True, help="the page")
     run(work, arguments)
 

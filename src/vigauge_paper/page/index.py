@@ -42,7 +42,7 @@ class Material:
     figures' captions;
     ``source`` of the sequences ('euroc', 'rendered' or 'other'); ``published`` figures that show the
     paper's numbers beside ours; ``environment`` as environment.json has it; ``extensions`` further results
-    by title, Markdown or CSV.
+    by title, Markdown or CSV; ``explorers`` what :mod:`.explorer` ships.
     """
 
     rows: Sequence[dict[str, str]]
@@ -56,6 +56,7 @@ class Material:
     published: Collection[str]
     environment: Mapping[str, Any]
     extensions: Mapping[str, Path]
+    explorers: Sequence[Mapping[str, object]]
 
 
 def index_page(material: Material) -> str:
@@ -97,6 +98,7 @@ def _content(m: Material) -> dict[str, object]:
         ],
         "extensions": extensions,
         "evidence": {name: _table(file) for name, file in m.evidence.items()},
+        "explorers": m.explorers,
         "environment": m.environment,
         "source": m.source,
         "stand_in": STAND_IN if m.source == "rendered" else "",

@@ -11,63 +11,16 @@ from pathlib import Path
 import pytest
 from markupsafe import escape
 
-from support import ROOT
-from vigauge_paper.claims import CLAIMS, THEMES, Verdict
+from support.material import PIXEL, material_of
+from vigauge_paper.claims import CLAIMS, THEMES
 from vigauge_paper.figures.registry import FIGURES
 from vigauge_paper.ids import STAND_IN, TABLES
-from vigauge_paper.page.index import SHOWN_ROWS, Material, index_page
-
-PIXEL = base64.b64decode(
-    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNkYPhfDwAChwGA60e6kgAAAABJRU5ErkJggg=="
-)
-TABLE = "head\n\n| a | b |\n|---|---|\n| **1** | 2 \\| 3 |\n"
-ROWS = SHOWN_ROWS + 2
+from vigauge_paper.page.index import Material, index_page
 
 
 @pytest.fixture
 def material(tmp_path: Path) -> Material:
-    """A build in which every fourth claim differs; a file of every figure, table and experiment."""
-
-    def written(name: str, text: str) -> Path:
-        (tmp_path / name).write_text(text, "utf-8")
-        return tmp_path / name
-
-    figures = {key: tmp_path / f"{figure.stem}.png" for key, figure in FIGURES.items()}
-    for file in figures.values():
-        file.write_bytes(PIXEL)
-    named = {name for claim in CLAIMS for name in claim.evidence} - set(FIGURES) - set(TABLES)
-    rows = [
-        {
-            "id": claim.id,
-            "section": claim.section,
-            "claim": claim.claim,
-            "published": claim.published,
-            "measured": "1 < 2",
-            "criterion": claim.criterion,
-            "verdict": str(Verdict.HOLDS if k % 4 else Verdict.DIFFERS),
-            "verdict_as_printed": str(Verdict.HOLDS),
-        }
-        for k, claim in enumerate(CLAIMS)
-    ]
-    return Material(
-        rows=rows,
-        why={claim.id: f"Because of {claim.id} & more." for claim in CLAIMS},
-        claims="# Claims\n",
-        figures=figures,
-        tables={key: written(f"{key}.md", TABLE) for key in TABLES},
-        evidence={name: written(f"{name}.csv", "a,b\n" + f"<{name}>,0.123456789\n" * ROWS) for name in named},
-        captions=ROOT / "workflow" / "report",
-        source="rendered",
-        published=("fig09",),
-        environment={
-            "sequences": {"rendered_hall": {"source": "rendered", "truth": "t"}},
-            "versions": {"numpy": "2"},
-            "machine": {"processor": "P", "cores": 2},
-            "seed": 1,
-            "commit": "abcdef",
-        },
-        extensions={},
-    )
+    return material_of(tmp_path)
 
 
 class Attributes(HTMLParser):
