@@ -134,7 +134,8 @@ class LogHandler(LogHandlerBase):
         job = self.running.pop(record.jobid, None)
         if job is None:
             return None
-        log = next(iter(record.log), "")
+        # Where a cluster's job got nowhere, its own log follows that of the stage.
+        log = next((log for log in record.log if _tail(log)), "".join(record.log[:1]))
         return (
             f"failed after {record.created - job.created:.1f} s: {_name(job)}\n  {error_sentence(log)}\n"
             f"  log: {log}\n  again: {self.command} -- {shlex.quote(job.output[0])}"
