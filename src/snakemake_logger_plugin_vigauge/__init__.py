@@ -82,11 +82,9 @@ class LogHandler(LogHandlerBase):
         self.begin, self.done, self.total = time(), 0, 0
         self.running: dict[int, Any] = {}
         self.ended = Event()
-        # A target after the words of the command adds to its targets: the command stays right.
-        python = Path(sys.executable)
-        folder = Path.cwd()
+        python, folder = Path(sys.executable), Path.cwd()
         program = python.relative_to(folder) if python.is_relative_to(folder) else python
-        self.command = shlex.join([str(program), "-m", "snakemake", *sys.argv[1:]])
+        self.command = [str(program), "-m", "snakemake", *sys.argv[1:]]
         if self.bar:
             Thread(target=self._draw, daemon=True).start()
 
@@ -138,8 +136,14 @@ class LogHandler(LogHandlerBase):
         log = next((log for log in record.log if _tail(log)), "".join(record.log[:1]))
         return (
             f"failed after {record.created - job.created:.1f} s: {_name(job)}\n  {error_sentence(log)}\n"
-            f"  log: {log}\n  again: {self.command} -- {shlex.quote(job.output[0])}"
+            f"  log: {log}\n  again: {shlex.join(self._for_target(job.output[0]))}"
         )
+
+    def _for_target(self, file: str) -> list[str]:
+        """The command of this run, which makes the file as well."""
+        if file in self.command:
+            return self.command
+        return [*self.command, *(() if "--" in self.command else ("--",)), file]
 
     def _write(self, text: str) -> None:
         """Write in the place of the bar."""
