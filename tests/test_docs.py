@@ -181,7 +181,7 @@ def test_shipped_weights_are_as_printed(system: str) -> None:
 
 WHOLE = ("index", "tutorial")  # run from top to bottom
 BY_SECTION = {
-    "from_your_estimator": 4,
+    "from_your_estimator": 5,
     "conventions": 1,
     "which_gauge": 1,
 }  # run one by one, by the tests above
