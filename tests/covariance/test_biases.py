@@ -123,8 +123,8 @@ def test_relative_poses_do_not_see_the_gauge():
 
 
 def test_errors_are_as_large_as_the_covariance_says(record_property):
-    """Catches sigmas of biases, or of what they spoil, that are not those of the errors: the mean NEES over 200
-    trials lies in its 99 % band, and is the same in three gauges."""
+    """Catches sigmas of biases, or of what they spoil, that are not those of the errors: the mean NEES over
+    200 trials lies in its 99 % band, and is the same in three gauges."""
     gauges, trials = (FixedGauge(), KeyframeGauge(5), CentroidGauge()), 200
     found = np.empty((trials, len(gauges) + 1))
     for number in range(trials):

@@ -15,6 +15,7 @@ from vigauge.errors import DataError, IndefiniteError
 from vigauge.gauge.gauges import CentroidGauge, FreeGauge
 from vigauge.gauge.group import orbit_tangent
 from vigauge.geometry import so3
+from vigauge.model.factors import BiasPrior
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.observability.diagnosis import Diagnosis, diagnose, diagnose_equations, diagnose_hessian
@@ -92,6 +93,54 @@ DEGENERATE = {
     ),
 }
 
+
+def pitching(t: np.ndarray) -> np.ndarray:
+    return 0.3 * np.sin(2.0 * t)[:, None] * np.array([0.0, 1.0, 0.0])
+
+
+def turning_about_gravity(t: np.ndarray) -> np.ndarray:
+    return 0.3 * np.sin(2.0 * t)[:, None] * np.array([0.0, 0.0, 1.0])
+
+
+def askew(t: np.ndarray) -> np.ndarray:
+    return np.tile([0.3, 0.5, 0.2], (len(t), 1))
+
+
+TILT = "accelerometer bias along x and y with the tilt"
+# With biases in the state: the body must turn about two axes, or about gravity.
+WITH_BIASES = {
+    "translation": ({"turn": d.still, "stereo": True}, [TILT], 2, "does not turn"),
+    "translation, one camera": ({"turn": d.still}, [TILT], 2, "does not turn"),
+    "hovering": ({"path": d.still, "turn": d.still, "stereo": True}, [TILT], 2, "standing still"),
+    "translation askew": (
+        {"turn": askew, "stereo": True},
+        ["accelerometer bias along x and y and z with the tilt"],
+        2,
+        "does not turn",
+    ),
+    "pitching": (
+        {"turn": pitching, "stereo": True},
+        ["accelerometer bias along y with the tilt"],
+        1,
+        "about one level axis only",
+    ),
+    "constant acceleration": ({"path": d.falling, "turn": d.still}, [TILT, "scale"], 3, "does not turn"),
+    "no inertial measurements": (
+        {"links": [], "stereo": True},
+        [
+            VELOCITIES,
+            "gyroscope bias of keyframes 0 to 7",
+            "accelerometer bias of keyframes 0 to 7",
+            "roll and pitch",
+        ],
+        74,
+        "no inertial measurements",
+    ),
+    "turning about gravity": ({"turn": turning_about_gravity, "stereo": True}, [], 0, ""),
+    "swaying": ({"stereo": True}, [], 0, ""),
+    "swaying, one camera": ({}, [], 0, ""),
+}
+
 # Looks degenerate, and is not.
 REGULAR = {
     "a flight": {},
@@ -146,6 +195,45 @@ def test_extra_directions_are_counted_and_named(case: str) -> None:
         assert direction.eigenvalue < 1e-11
     assert found.sentence.startswith("degenerate") and names[0] in found.sentence
     assert found.withheld == found.sentence
+
+
+def biased(settings: dict) -> Problem:
+    motion = {name: settings[name] for name in ("path", "turn") if name in settings}
+    return d.with_biases(d.problem_of(**settings), **motion)
+
+
+@pytest.mark.parametrize("case", WITH_BIASES)
+def test_what_biases_hide_is_counted_and_named(case: str) -> None:
+    """Catches a bias that looks like a tilt or a scale and passes for regular, or a good window refused."""
+    settings, names, count, cause = WITH_BIASES[case]
+    problem = biased(settings)
+    found = diagnose(problem, problem.initial)
+    assert [str(direction) for direction in found.extra] == names
+    assert not found.weak
+    assert sum(direction.count for direction in found.extra) == count
+    assert found.n_parameters - found.rank == dense_nullity(problem)
+    assert cause in found.cause and bool(cause) == found.degenerate
+    for direction in found.extra:
+        assert sum(direction.shares.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("case", WITH_BIASES)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_does_not_hide_what_biases_hide(case: str, seed: int) -> None:
+    """Catches a tilt that errors of a few milliradians make regular: its sigma is a radian then. A prior on
+    the bias makes it regular in truth."""
+    settings, names, count, _ = WITH_BIASES[case]
+    problem, rng = biased(settings), np.random.default_rng(seed)
+    truth = problem.initial
+    step = rng.normal(size=truth.n_parameters) * np.repeat([3e-3, 2e-3, 1e-2, 0.0, 0.0, 0.0], [24] * 5 + [60])
+    state = truth.retract(step)
+    found = diagnose(problem, state)
+    kinds = {direction.kind for direction in (*found.extra, *found.weak)}
+    assert any("with the tilt" in kind for kind in kinds) == any("with the tilt" in name for name in names)
+    assert found.degenerate == (count > 0)
+    prior = BiasPrior(0, np.zeros(3), np.zeros(3), 0.01, 0.1)
+    told = diagnose(replace(problem, factors=(prior,)), state)
+    assert not any("with the tilt" in str(direction) for direction in (*told.extra, *told.weak))
 
 
 @pytest.mark.parametrize("case", REGULAR)

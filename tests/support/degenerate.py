@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 
 import numpy as np
 
 from vigauge.geometry import so3
 from vigauge.geometry.camera import Camera
+from vigauge.model.imu import ImuNoise, ImuSamples, preintegrate
 from vigauge.model.problem import InertialFactors, Problem
 from vigauge.model.state import State
 from vigauge.solver.residuals import visual_residual
@@ -133,4 +135,31 @@ def problem_of(
         SIGMA_PX,
         blank.inertial,
         G,
+    )
+
+
+# Of the noise of the samples in :func:`with_biases`.
+NOISE = ImuNoise(1e-3, 1e-2, gyro_walk=1e-3, accel_walk=1e-2)
+
+
+def with_biases(problem: Problem, path: Path = accelerated, turn: Path = swaying) -> Problem:
+    """The problem with biases to estimate, its chain integrated from samples of the same motion at 200 Hz."""
+    n, step_ns = problem.initial.n_keyframes, 5_000_000
+    t_ns = np.arange(0, round(DT * (n - 1) * 1e9) + 1, step_ns)
+    t, h, g_W = t_ns * 1e-9, 1e-4, np.array([0.0, 0.0, -G])
+    R = so3.exp(turn(t))
+    gyro = so3.log(so3.exp(turn(t - h)).swapaxes(1, 2) @ so3.exp(turn(t + h))) / (2.0 * h)
+    force_W = (path(t + h) - 2.0 * path(t) + path(t - h)) / h**2 - g_W
+    samples = ImuSamples(t_ns, gyro, np.einsum("kji,kj->ki", R, force_W))
+    ends = np.round(DT * 1e9 * np.arange(n)).astype(np.int64)
+    zero = np.zeros(3)
+    count = len(problem.inertial.dt)
+    factors = [
+        preintegrate(samples, int(a), int(b), NOISE) for a, b in zip(ends[:count], ends[1:], strict=False)
+    ]
+    return replace(
+        problem,
+        initial=problem.initial.with_biases(zero, zero),
+        inertial=InertialFactors.chain(factors, zero, zero),
+        biases="estimated",
     )

@@ -28,10 +28,17 @@ from ..model.problem import Problem
 from ..model.state import State
 from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
 from ..solver.residuals import down_weighted
-from ..sparsity.layout import Index
+from ..sparsity.layout import Index, by_keyframe
 from ..sparsity.rounding import rounding
 from .spectrum import NullSpace, require_semidefinite
-from .unobservable import measurement_graph, scaling, unobservable_moves
+from .unobservable import (
+    ACCELEROMETER,
+    GYROSCOPE,
+    measurement_graph,
+    scaling,
+    tilts_with_bias,
+    unobservable_moves,
+)
 
 # A quantity is determined if zero lies more than three of its standard deviations away.
 _SIGMAS = 3.0
@@ -47,7 +54,7 @@ STILL = "standing still"
 _REPEATED = "standing still: all views repeat the first, so their errors are not independent"
 _LANDMARKS_ONLY = {"position": 0.0, "rotation": 0.0, "velocity": 0.0, "landmark": 1.0}
 # In the order of the parameters; biases where they are estimated.
-_KINDS = ("position", "rotation", "velocity", "gyroscope bias", "accelerometer bias")
+_KINDS = ("position", "rotation", "velocity", GYROSCOPE, ACCELEROMETER)
 
 
 @dataclass(frozen=True)
@@ -60,7 +67,7 @@ class Direction:
     count : how many dimensions it has
     keyframes, landmarks : which it concerns; empty: all of them
     eigenvalue : largest of them in the scaled matrix, next to that matrix' largest
-    shares : part of the squared length, by block (position, rotation, velocity, landmark)
+    shares : part of the squared length, by block (position, rotation, velocity, biases, landmark)
     sigma : of a weak scale: its marginal standard deviation as a share of the scale; zero for others
     """
 
@@ -253,6 +260,7 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
     found.add(COMBINATION, (), null.rest())
     extra = [*found.directions, *landmarks]
     weak = (
+        *_weak_tilt(found, problem, state),
         *_weak_scale(found, equations, problem, state),
         *_weak_depths(equations, filled, landmarks, state),
     )
@@ -260,6 +268,7 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
     open_ones = [*extra, *weak]
     blind = sum(len(direction.landmarks) for direction in open_ones)
     scale = any(direction.kind == "scale" for direction in open_ones)
+    tilt = sum(d.count for d in open_ones if d.kind.startswith(ACCELEROMETER) and not d.keyframes)
     return Diagnosis(
         n_parameters=state.n_parameters,
         expected=expected,
@@ -269,7 +278,7 @@ def diagnose_equations(equations: NormalEquations, problem: Problem, state: Stat
         eigenvalues=null.eigenvalues / null.largest,
         gap=null.gap,
         motion=motion,
-        cause=_cause(problem, state, motion, blind, scale) if open_ones else "",
+        cause=_cause(problem, state, motion, blind, scale, tilt) if open_ones else "",
         down_weighted=down_weighted(problem, state),
     )
 
@@ -309,6 +318,8 @@ class _Findings:
     def add(self, kind: str, keyframes: tuple[int, ...], vectors: Array) -> None:
         if not vectors.shape[1]:
             return
+        if kind == ACCELEROMETER and not keyframes:
+            kind = self.tilt(vectors)
         direction = Direction(
             kind, vectors.shape[1], self.null.eigenvalue(vectors), self.shares(vectors), keyframes
         )
@@ -328,6 +339,14 @@ class _Findings:
             self.directions.pop()
         self.directions.append(direction)
 
+    def tilt(self, vectors: Array) -> str:
+        """Name of tilts, with the axes of the body along which biases take them back, if any do."""
+        per_keyframe = by_keyframe(vectors / self.null.scale[:, None], self.reduced.structure.n_keyframes)
+        span, sizes, _ = np.linalg.svd(per_keyframe[0, -3:], full_matrices=False)
+        along = np.linalg.norm(span * (sizes > 1e-3 * np.linalg.norm(per_keyframe)), axis=1)
+        axes = " and ".join(axis for axis, share in zip("xyz", along, strict=True) if share > 0.3)
+        return f"{ACCELEROMETER} along {axes} with the tilt" if axes else "roll and pitch"
+
     def shares(self, vectors: Array) -> dict[str, float]:
         """Shares by block, the landmarks that go along with the motion included."""
         squares = (vectors**2).reshape(self.reduced.structure.layout.width // 3, -1).sum(axis=1)
@@ -341,6 +360,26 @@ class _Findings:
         parts = dict(zip(_KINDS, map(float, squares), strict=False))
         total = float(squares.sum()) + landmark
         return {name: value / total for name, value in (parts | {"landmark": landmark}).items()}
+
+
+def _weak_tilt(found: _Findings, problem: Problem, state: State) -> tuple[Direction, ...]:
+    """The tilt, where three marginal sigmas are a radian or more: an accelerometer's bias then takes it back.
+
+    It is that of the last keyframe about level axes, with all else free to move along.
+    """
+    named = any(direction.kind.startswith(ACCELEROMETER) for direction in found.directions)
+    if named or not problem.estimates_biases or state.n_keyframes < 2 or not len(problem.inertial.dt):
+        return ()
+    n = state.n_keyframes
+    level = np.zeros((state.n_motion, 2))
+    level[6 * n - 3 : 6 * n - 1] = np.eye(2)
+    variances, axes = np.linalg.eigh(found.null.marginal(level))
+    moves = tilts_with_bias(problem, state) @ axes[:, _SIGMAS**2 * variances > 1.0]
+    if not moves.shape[1]:
+        return ()
+    scaled = np.linalg.qr(moves * found.null.scale[:, None])[0]
+    kind = found.tilt(scaled)
+    return (Direction(kind, moves.shape[1], found.null.eigenvalue(scaled), found.shares(scaled)),)
 
 
 def _weak_scale(
@@ -416,7 +455,7 @@ def _motion(equations: NormalEquations, state: State) -> str:
     return STILL if turn < _STILL_TURN else "pure rotation"
 
 
-def _cause(problem: Problem, state: State, motion: str, blind: int, scale: bool) -> str:
+def _cause(problem: Problem, state: State, motion: str, blind: int, scale: bool, tilt: int) -> str:
     """What in the data makes a problem degenerate, where it is one of the known things."""
     if state.n_keyframes == 1:
         return "a single keyframe"
@@ -431,4 +470,7 @@ def _cause(problem: Problem, state: State, motion: str, blind: int, scale: bool)
         return f"{blind} of {state.n_landmarks} landmarks without parallax"
     if not len(problem.inertial.dt):
         return "no inertial measurements"
+    if tilt:
+        turns = "turns about one level axis only" if tilt == 1 else "does not turn"
+        return f"the body {turns}, so its tilt and the accelerometer's bias look alike"
     return "no acceleration beyond noise" if scale else ""

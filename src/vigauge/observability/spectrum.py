@@ -176,9 +176,13 @@ class NullSpace:
 
     def sigma(self, functional: Array) -> float:
         """Marginal standard deviation of a linear function (n,) that is zero on the null space."""
-        along = (functional / self.scale) @ self.vectors
+        return float(np.sqrt(self.marginal(functional[:, None])[0, 0]))
+
+    def marginal(self, functionals: Array) -> Array:
+        """(c, c) covariance of linear functions (n, c) that are zero on the null space."""
+        along = (functionals / self.scale[:, None]).T @ self.vectors
         known = ~_null(self.eigenvalues)
-        return float(np.sqrt(np.sum(along[known] ** 2 / self.eigenvalues[known])))
+        return (along[:, known] / self.eigenvalues[known]) @ along[:, known].T
 
     def eigenvalue(self, directions: Array) -> float:
         """Largest scaled information along scaled unit directions, next to the largest eigenvalue."""

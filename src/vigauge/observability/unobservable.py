@@ -21,6 +21,8 @@ from ..model.problem import Problem
 from ..model.state import State
 from ..sparsity.layout import motion_columns
 
+GYROSCOPE, ACCELEROMETER = "gyroscope bias", "accelerometer bias"
+
 
 def measurement_graph(problem: Problem) -> tuple[int, NDArray[np.int64]]:
     """Connected parts of the measurement graph: keyframes joined by shared landmarks or inertially."""
@@ -104,6 +106,45 @@ def _dead_reckoning(problem: Problem, state: State) -> dict[str, Array]:
     return {"velocity": np.stack(drift, axis=1), "roll and pitch": np.stack(tilt, axis=1)}
 
 
+def _with_bias(state: State, move: Array, wanted_W: Array) -> Array:
+    """A move, and the accelerometer biases that measure accelerations (N, 3) in W less than without it."""
+    move = move.copy()
+    move[12 * state.n_keyframes :] = -np.einsum("nji,nj->ni", state.R_WB, wanted_W).ravel()
+    return move
+
+
+def tilts_with_bias(problem: Problem, state: State) -> Array:
+    """(n, 2) tilts of everything about level axes, with the accelerometer's biases that take them back.
+
+    After a tilt a keyframe measures gravity along another axis of the body. The biases are the same for all
+    keyframes, and the tilt is unobservable, where the body does not turn.
+    """
+    tilts = _moves(problem, state, np.ones(state.n_keyframes, dtype=bool))["roll and pitch"]
+    g_W = np.array([0.0, 0.0, -problem.gravity])
+    wanted = [np.tile(np.cross(axis, g_W), (state.n_keyframes, 1)) for axis in np.eye(3)[:2]]
+    return np.stack([_with_bias(state, *pair) for pair in zip(tilts.T, wanted, strict=True)], axis=1)
+
+
+def _scale_with_bias(problem: Problem, state: State) -> Array:
+    """(n,) a scaling of everything, with the biases that take back an acceleration that the body feels as
+    constant."""
+    f, felt_W = problem.inertial, np.zeros_like(state.v_W)
+    # Of the factor that a keyframe begins; at the end of a chain, of the one before.
+    for ends in (f.second, f.first):
+        felt_W[ends] = (state.v_W[f.second] - state.v_W[f.first]) / f.dt[:, None]
+    return _with_bias(state, _moves(problem, state, np.ones(len(felt_W), dtype=bool))["scale"][:, 0], felt_W)
+
+
+def _biases(state: State) -> list[tuple[str, tuple[int, ...], Array]]:
+    """The biases of single keyframes."""
+    unit, columns = np.eye(state.n_motion), motion_columns(state.n_keyframes, state.width)
+    return [
+        (kind, (i,), unit[:, columns[i, first : first + 3]])
+        for kind, first in ((GYROSCOPE, 9), (ACCELEROMETER, 12))
+        for i in range(state.n_keyframes)
+    ]
+
+
 def unobservable_moves(problem: Problem, state: State) -> list[tuple[str, tuple[int, ...], Array]]:
     """Motions that may leave all measurements as they are, what is most particular first."""
     n = state.n_keyframes
@@ -112,6 +153,10 @@ def unobservable_moves(problem: Problem, state: State) -> list[tuple[str, tuple[
     everything = np.ones(n, dtype=bool)
     out: list[tuple[str, tuple[int, ...], Array]] = []
     out += [("velocity", (i,), unit[:, columns[i, 6:9]]) for i in range(n)]
+    if state.has_biases:
+        out += _biases(state)
+        tilts, scale = tilts_with_bias(problem, state), _scale_with_bias(problem, state)
+        out += [(ACCELEROMETER, (), tilts), ("scale", (), np.column_stack([tilts, scale]))]
     whole = _moves(problem, state, everything)
     out += [(kind, (), whole[kind]) for kind in ("scale", "roll and pitch")]
     if len(problem.inertial.dt):
