@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from contextlib import chdir
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from docutils import nodes
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.util.docutils import SphinxDirective
 
 import vigauge
 from docs import pages
@@ -55,6 +57,25 @@ html_copy_source = html_show_sourcelink = False
 # "name : meaning" in a section of a docstring becomes an entry of a list.
 SECTION = re.compile(r"^(Attributes|Parameters|Returns|Raises|Yields)$")
 ENTRY = re.compile(r"^(\*{0,2}\w[\w, .*]*?) : (.*)$")
+
+
+class PublicNames(SphinxDirective):
+    """All public names of one folder of the package, in the order of the package's own table."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        lines: list[str] = []
+        for name, (module, _) in vigauge._PUBLIC.items():
+            if module.split(".")[0] == self.arguments[0]:
+                thing = getattr(vigauge, name)
+                parents = thing.__mro__ if isinstance(thing, type) else ()
+                kind = "exception" if Exception in parents else "class" if parents else "function"
+                # A protocol is not called; members of an enumeration say what they mean by their names.
+                call = "()" if getattr(thing, "_is_protocol", False) else ""
+                lines.append(f".. auto{kind}:: vigauge.{name}{call}")
+                lines += ["   :undoc-members:"] * (Enum in parents)
+        return self.parse_text_to_nodes("\n".join(lines))
 
 
 def docstring_sections(
@@ -118,6 +139,7 @@ def list_external_links(app: Sphinx, error: Exception | None) -> None:
 
 def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("mathml", inline_renderers=(mathml, None), block_renderers=(mathml, None))
+    app.add_directive("public-names", PublicNames)
     app.connect("builder-inited", draw_pictures)
     app.connect("autodoc-process-docstring", docstring_sections)
     app.connect("missing-reference", public_name)
