@@ -20,7 +20,7 @@ BIN := $(VENV)/bin
 RUN := PATH="$(CURDIR)/$(BIN):$$PATH"
 SET_UP := $(VENV)/.installed
 
-.PHONY: help setup paper check-results recovery test test-all fuzz bench bench-paper docs lint format lock clean distclean
+.PHONY: help setup paper check-results recovery test test-all test-slurm fuzz bench bench-paper docs lint format lock clean distclean
 .DEFAULT_GOAL := help
 
 help:
@@ -30,6 +30,7 @@ help:
 	@echo "make recovery   kill the pipeline at random moments, start it again, compare (docs/recovery.csv)"
 	@echo "make test       set up, check as 'make lint' does, then run the tests"
 	@echo "make test-all   also the tests that build the workflow several times (half an hour)"
+	@echo "make test-slurm  the smoke configuration on a Slurm that is started here (docs/slurm.md); as root"
 	@echo "make fuzz       feed every reader $(INPUTS) malformed files; the record goes to docs/fuzzing.csv"
 	@echo "make bench      set up, then race vigauge and its peers: benchmarks/README.md (SIZES=$(SIZES))"
 	@echo "make bench-paper  run the whole workflow anew and print where the time goes"
@@ -82,6 +83,9 @@ test: lint
 
 test-all: lint
 	$(RUN) pytest -m ""
+
+test-slurm: $(SET_UP)
+	$(RUN) tests/slurm/run.sh docs/slurm.csv
 
 fuzz: $(SET_UP)
 	PYTHONPATH=tests $(BIN)/python -m fuzz.run --inputs $(INPUTS) --record docs/fuzzing.csv

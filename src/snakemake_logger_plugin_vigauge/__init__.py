@@ -29,7 +29,9 @@ _TOLD = re.compile(
     r"Exiting because a job execution failed|At least one job did not complete|CalledProcessError"
 )
 # The answers of runs that make nothing.
-_ANSWER = re.compile(r"Nothing to be done|Unlocked|Unlocking|Deleting|Touching")
+_ANSWER = re.compile(
+    r"Nothing to be done|Unlocked|Deleting|Touching|Report created|Congratulations|archived "
+)
 _CELLS = 20
 
 
