@@ -22,7 +22,7 @@ from snakemake_interface_logger_plugins.common import LogEvent
 
 # How a stage, its argument parser, Python and the shell begin the line that says why they give up.
 _ERROR = re.compile(r"(^|: )error: |^[\w.]+(Error|Exception|Interrupt)\b|\bKilled\b")
-# What a stage logs at every tenth of long work.
+# What a stage logs every few seconds of long work.
 _SHARE = re.compile(r": (\d+) of (\d+) ")
 # Snakemake says these at the end; the failure is told where it happens.
 _TOLD = re.compile(
@@ -122,9 +122,11 @@ class LogHandler(LogHandlerBase):
             return None if told else text
         return None
 
-    def _finished(self, record: Any) -> str:
+    def _finished(self, record: Any) -> str | None:
         self.done += 1
-        job = self.running.pop(record.job_id)
+        job = self.running.pop(record.job_id, None)
+        if job is None:
+            return None  # `--quiet rules`
         width = len(str(self.total))
         begin, made = (job.created, _files(job.output)) if job.output else (self.begin, "all is made")
         return f"[{self.done:{width}}/{self.total}] {record.created - begin:7.1f} s  {_name(job)}: {made}"
@@ -138,14 +140,14 @@ class LogHandler(LogHandlerBase):
         log = next((log for log in record.log if _tail(log)), "".join(record.log[:1]))
         return (
             f"failed after {record.created - job.created:.1f} s: {_name(job)}\n  {error_sentence(log)}\n"
-            f"  log: {log}\n  again: {shlex.join(self._for_target(job.output[0]))}"
+            f"  log: {log}\n  again: {shlex.join(self._for_target(*job.output[:1] or [job.rule_name]))}"
         )
 
-    def _for_target(self, file: str) -> list[str]:
-        """The command of this run, which makes the file as well."""
-        if file in self.command:
+    def _for_target(self, target: str) -> list[str]:
+        """The command of this run, which makes the target as well."""
+        if target in self.command:
             return self.command
-        return [*self.command, *(() if "--" in self.command else ("--",)), file]
+        return [*self.command, *(() if "--" in self.command else ("--",)), target]
 
     def _write(self, text: str) -> None:
         """Write in the place of the bar."""
