@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.random_problem import random_problem
+from support.random_problem import random_problem, with_noise_of_its_own
 from vigauge.errors import DataError
 from vigauge.model.imu import ImuNoise, ImuSamples, preintegrate
 from vigauge.model.problem import InertialFactors, Problem
 from vigauge.solver.residuals import cost
 
-PROBLEM = random_problem(0)
+PROBLEM = with_noise_of_its_own(random_problem(0), 0)
 
 
 def observations(problem: Problem) -> dict:
@@ -22,6 +22,7 @@ def observations(problem: Problem) -> dict:
         "camera": problem.obs_camera,
         "landmark": problem.obs_landmark,
         "uv": problem.obs_uv,
+        "obs_noise": problem.obs_noise,
     }
 
 
@@ -69,6 +70,8 @@ def _with(array: np.ndarray, row: int, value) -> np.ndarray:
         ("obs_uv", lambda a: np.column_stack([a, a]), "shape"),
         ("sigma_px", lambda s: 0.0, "positive"),
         ("sigma_px", lambda s: np.nan, "finite"),
+        ("obs_noise", lambda s: _with(s, 3, 0.0), "positive"),
+        ("obs_noise", lambda s: s[1:], "shape"),
         ("gravity", lambda g: np.nan, "finite"),
     ],
 )

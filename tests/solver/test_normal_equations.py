@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from support.dense import dense_jacobian, dense_residual
-from support.random_problem import random_problem
+from support.random_problem import random_problem, with_noise_of_its_own
 from support.simulated import estimate, trial
 from vigauge.errors import DegenerateError, SolverError
 from vigauge.kernels import covisibility
@@ -25,7 +25,7 @@ NO_COLUMNS = np.empty(0, dtype=np.int64)
 
 def problems():
     """Two cameras and a jumping factor; a long flight with short tracks; a simulated problem away
-    from and at its minimum; the first two with biases."""
+    from and at its minimum; the first two with biases, the first with noise that differs."""
     known, estimated = (
         [random_problem(3, biases=b), random_problem(4, n_keyframes=15, n_landmarks=40, window=4, biases=b)]
         for b in (False, True)
@@ -35,10 +35,11 @@ def problems():
         (trial(), trial().initial),
         (trial(), estimate()),
         *((problem, problem.initial) for problem in estimated),
+        (with_noise_of_its_own(known[0], 3), known[0].initial),
     ]
 
 
-@pytest.mark.parametrize("case", range(6))
+@pytest.mark.parametrize("case", range(7))
 def test_blocks_are_those_of_the_dense_product(case):
     """Catches an observation summed into another block, or added twice: H = J^T J and g = J^T r."""
     problem, state = problems()[case]

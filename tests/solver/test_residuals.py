@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from support.dense import columns_of, dense_jacobian, dense_residual, kinds_of
 from support.derivatives import central_differences
 from support.plain_residuals import inertial_term, visual_term
-from support.random_problem import random_problem
+from support.random_problem import random_problem, with_noise_of_its_own
 from support.simulated import SETTINGS, estimate, scene, trial
 from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge
 from vigauge.geometry import so3
@@ -136,8 +136,10 @@ def test_prior_jacobian_against_central_differences(seed):
 
 @pytest.mark.parametrize(("seed", "biases"), CASES)
 def test_compiled_and_plain_residuals_are_the_same(seed, biases):
-    """Catches a kernel that computes something else than the NumPy form, a cost or a mean of other terms."""
+    """Catches a kernel that computes something else than the NumPy form, a cost or a mean of other terms, a
+    noise that is another observation's."""
     problem = random_problem(seed, biases=biases)
+    problem = with_noise_of_its_own(problem, seed) if seed else problem
     state = problem.initial
     found = evaluate(problem, state)
     visual, inertial = visual_term(problem, state).residual, inertial_term(problem, state).residual

@@ -71,7 +71,13 @@ def visual_residual(problem: Problem, state: State) -> Array:
     """(M, 2) whitened r^V of Eq. (1): (predicted - measured) / sigma."""
     points_C, _, _ = _camera_points(problem, state)
     uv, _ = _projected(problem, points_C)
-    return (uv - problem.obs_uv) / problem.sigma_px
+    return (uv - problem.obs_uv) / _sigmas(problem)
+
+
+def _sigmas(problem: Problem) -> Array:
+    """(M, 1) px, of each observation."""
+    factor = np.ones(len(problem.obs_uv)) if problem.obs_noise is None else problem.obs_noise
+    return problem.sigma_px * factor[:, None]
 
 
 def visual_term(problem: Problem, state: State) -> VisualTerm:
@@ -79,14 +85,14 @@ def visual_term(problem: Problem, state: State) -> VisualTerm:
     dx_C/dX = R_CW, dx_C/dp = -R_CW, dx_C/dd = R_CW hat(X - p)."""
     points_C, R_CW, ray_W = _camera_points(problem, state)
     uv, by_point = _projected(problem, points_C)
-    by_landmark = (by_point / problem.sigma_px) @ R_CW
+    by_landmark = (by_point / _sigmas(problem)[:, :, None]) @ R_CW
     by_pose = np.empty((len(uv), 2, 6))
     np.negative(by_landmark, out=by_pose[:, :, :3])
     # a^T hat(b) = (a x b)^T, row by row.
     by_pose[:, :, 3:] = np.cross(by_landmark, ray_W[:, None, :])
     first = problem.obs_keyframe == 0
     by_pose[first, :, 3:] = by_pose[first, :, 3:] @ first_rotation_chain(state)
-    return VisualTerm((uv - problem.obs_uv) / problem.sigma_px, by_pose, by_landmark)
+    return VisualTerm((uv - problem.obs_uv) / _sigmas(problem), by_pose, by_landmark)
 
 
 def _at_biases(problem: Problem, state: State) -> tuple[Array, Array, Array, Array]:

@@ -74,6 +74,12 @@ def with_random_biases(problem: Problem, rng: np.random.Generator) -> Problem:
     return replace(problem, initial=initial, inertial=inertial, biases="estimated")
 
 
+def with_noise_of_its_own(problem: Problem, seed: int) -> Problem:
+    """The problem with a factor on the noise of each observation, as of a fisheye."""
+    factor = np.random.default_rng(seed).uniform(0.5, 6.0, len(problem.obs_uv))
+    return replace(problem, obs_noise=factor)
+
+
 def random_problem(
     seed: int,
     n_keyframes: int = 4,

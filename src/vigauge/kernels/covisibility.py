@@ -215,8 +215,8 @@ def arrange(
 
 
 @part
-def spread_pixels(uv: Array, weight: float, obs_slot: Index, out: Array) -> None:
-    """Pixels (M, 2) and their weight to the lanes of their views: zeroed ``out`` (V, 3 LANES)."""
+def spread_pixels(uv: Array, weight: Array, obs_slot: Index, out: Array) -> None:
+    """Pixels (M, 2) and their weights (M,) to the lanes of their views: zeroed ``out`` (V, 3 LANES)."""
     for m in range(len(obs_slot)):
         view, lane = obs_slot[m] // LANES, obs_slot[m] % LANES
-        out[view, lane], out[view, LANES + lane], out[view, 2 * LANES + lane] = uv[m, 0], uv[m, 1], weight
+        out[view, lane], out[view, LANES + lane], out[view, 2 * LANES + lane] = uv[m, 0], uv[m, 1], weight[m]

@@ -86,7 +86,7 @@ def residuals(
     camera: Index,
     landmark: Index,
     uv: Array,
-    weight: float,
+    weight: Array,
     out: Array,
 ) -> None:
     """Whitened errors into ``out`` (M, 2), from observations in the problem's order."""
@@ -95,8 +95,8 @@ def residuals(
         x, y, z = X_W[j, 0] - p_W[k, 0], X_W[j, 1] - p_W[k, 1], X_W[j, 2] - p_W[k, 2]
         t = (p_CB[c, 0], p_CB[c, 1], p_CB[c, 2])
         u, v, _ = _seen(x, y, z, 1.0, _rotation(c, k, R_CW), t)
-        r_u = (intrinsics[c, 0] * u + intrinsics[c, 2] - uv[m, 0]) * weight
-        r_v = (intrinsics[c, 1] * v + intrinsics[c, 3] - uv[m, 1]) * weight
+        r_u = (intrinsics[c, 0] * u + intrinsics[c, 2] - uv[m, 0]) * weight[m]
+        r_v = (intrinsics[c, 1] * v + intrinsics[c, 3] - uv[m, 1]) * weight[m]
         out[m, 0], out[m, 1] = r_u, r_v
 
 

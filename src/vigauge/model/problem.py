@@ -176,6 +176,8 @@ class Problem:
     obs_keyframe, obs_camera, obs_landmark : (M,) int64 indices, ordered by landmark, then keyframe
     obs_uv : (M, 2) ideal (undistorted) pixels
     sigma_px : standard deviation of one pixel coordinate
+    obs_noise : (M,) factor on it for each observation, as the pixels of a fisheye need
+        (``camera.ideal_size``); None: 1 for all
     inertial : preintegrated factors, known biases taken off
     gravity : g in m/s^2; g_W = (0, 0, -g)
     factors : further residuals on keyframes (GNSS, compass, ...), see :class:`.factors.MotionFactor`
@@ -198,6 +200,7 @@ class Problem:
     factors: tuple[MotionFactor, ...] = ()
     biases: Literal["known", "estimated"] = "known"
     loss: Loss | None = None
+    obs_noise: Array | None = None
 
     def __post_init__(self) -> None:
         m = np.shape(self.obs_uv)[0] if np.ndim(self.obs_uv) else 0
@@ -215,6 +218,12 @@ class Problem:
         self._require_order()
         self._require_biases()
         number("problem", self.sigma_px, field="sigma_px", above=0.0)
+        if self.obs_noise is not None:
+            _take(self, "problem", {"obs_noise": (m,)}, {})
+            if m and self.obs_noise.min() <= 0.0:
+                row = int(np.argmin(self.obs_noise))
+                value = self.obs_noise[row]
+                raise DataError("problem", "must be positive", field="obs_noise", row=row, value=value)
         if number("problem", self.gravity, field="gravity") < 0.0:
             rule = "must not be negative: it is the g of g_W = (0, 0, -g)"
             raise DataError("problem", rule, field="gravity", value=self.gravity)
@@ -284,6 +293,7 @@ class Problem:
         factors: tuple[MotionFactor, ...] = (),
         biases: Literal["known", "estimated"] = "known",
         loss: Loss | None = None,
+        obs_noise: Array | None = None,
     ) -> Problem:
         """Build from observations in any order (they are sorted by landmark, keyframe, camera)."""
         camera, keyframe, landmark = (
@@ -293,6 +303,8 @@ class Problem:
         uv = reals("problem", uv, (len(landmark), 2), field="obs_uv")
         for name, index in (("camera", camera), ("keyframe", keyframe)):
             integers("problem", index, (len(landmark),), field=f"obs_{name}")
+        if obs_noise is not None:
+            obs_noise = reals("problem", obs_noise, (len(landmark),), field="obs_noise")
         order = np.lexsort((camera, keyframe, landmark))
         return cls(
             initial=initial,
@@ -307,6 +319,7 @@ class Problem:
             factors=factors,
             biases=biases,
             loss=loss,
+            obs_noise=None if obs_noise is None else obs_noise[order],
         )
 
     def require_fits(self, state: State) -> State:
@@ -354,11 +367,17 @@ class Problem:
         by_bias = np.concatenate([f.by_gyro_bias, f.by_accel_bias], axis=2)
         return BiasedIncrements(out, by_bias, np.concatenate([f.gyro_bias, f.accel_bias], axis=1))
 
+    @property
+    def obs_weight(self) -> Array:
+        """(M,) 1 / sigma of each observation, 1 / px."""
+        noise = 1.0 if self.obs_noise is None else self.obs_noise
+        return np.broadcast_to(1.0 / (self.sigma_px * noise), len(self.obs_uv)).copy()
+
     @cached_property
     def pixels(self) -> Array:
         """(V, 3 LANES) u, v and 1 / sigma of the observations of every view, zero where there is none."""
         out = np.zeros((self.structure.n_views, 3 * LANES))
-        spread_pixels(self.obs_uv, 1.0 / self.sigma_px, self.structure.obs_slot, out)
+        spread_pixels(self.obs_uv, self.obs_weight, self.structure.obs_slot, out)
         return out
 
     @cached_property

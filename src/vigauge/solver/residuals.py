@@ -92,7 +92,7 @@ def visual_residual(problem: Problem, state: State) -> Array:
         problem.obs_camera,
         problem.obs_landmark,
         problem.obs_uv,
-        1.0 / problem.sigma_px,
+        problem.obs_weight,
         out,
     )
     return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ class Inliers:
 
 
 def reprojection_px(problem: Problem, state: State) -> Array:
-    """(M,) lengths of the reprojection errors, px."""
+    """(M,) lengths of the reprojection errors, measured px: ``problem.obs_noise`` is divided out."""
     return np.linalg.norm(visual_residual(problem, state), axis=1) * problem.sigma_px
 
 
@@ -103,16 +103,13 @@ def without(problem: Problem, keep: NDArray[np.bool_], state: State) -> tuple[Pr
     """The problem with the observations ``keep`` (M,) only, started at ``state``; and its landmarks."""
     landmarks, number = np.unique(problem.obs_landmark[keep], return_inverse=True)
     initial = State.start(state.p_W, state.R_WB, state.v_W, state.X_W[landmarks])
-    reduced = Problem(
+    reduced = replace(
+        problem,
         initial=initial,
-        cameras=problem.cameras,
         obs_keyframe=problem.obs_keyframe[keep],
         obs_camera=problem.obs_camera[keep],
         obs_landmark=number.astype(np.int64),
         obs_uv=problem.obs_uv[keep],
-        sigma_px=problem.sigma_px,
-        inertial=problem.inertial,
-        gravity=problem.gravity,
-        loss=problem.loss,
+        obs_noise=None if problem.obs_noise is None else problem.obs_noise[keep],
     )
     return reduced, landmarks
