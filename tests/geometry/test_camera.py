@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,11 +11,37 @@ from hypothesis import strategies as st
 
 from support.derivatives import central_differences, row_error
 from support.random_problem import stereo_rig
-from vigauge.errors import VigaugeError
-from vigauge.geometry.camera import Camera, distort, distort_pixels, project, undistort, undistort_pixels
+from vigauge.errors import DataError, VigaugeError
+from vigauge.geometry.camera import (
+    EQUIDISTANT,
+    FIELD_DEG,
+    Camera,
+    distort,
+    distort_pixels,
+    ideal_size,
+    in_field,
+    project,
+    undistort,
+    undistort_pixels,
+    undistort_where,
+)
 
 EUROC = (-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05)
 CAMERA = stereo_rig(np.random.default_rng(0))[0]
+TUM_VI = (0.0034823894022493434, 0.0007150348452162257, -0.0020532361418706202, 0.00020293673591811182)
+FISHEYE = Camera(
+    190.97847715128717,
+    190.9733070521226,
+    254.93170605935475,
+    256.8974428996504,
+    512,
+    512,
+    TUM_VI,
+    np.eye(3),
+    np.zeros(3),
+    EQUIDISTANT,
+)
+fisheye_coefficients = st.tuples(*[st.floats(-0.03, 0.03)] * 4)
 coefficients = st.tuples(
     st.floats(-0.3, 0.1), st.floats(0.05, 0.1), st.floats(-2e-3, 2e-3), st.floats(-2e-3, 2e-3)
 )
@@ -46,11 +74,20 @@ def test_distortion_jacobian(distortion, x, y):
     assert np.abs(analytic - numeric).max() < 1e-10
 
 
-def test_distortion_follows_opencv():
-    """Catches p1 and p2 exchanged, or another radial model."""
+@given(fisheye_coefficients, st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_fisheye_jacobian(distortion, x, y):
+    """Catches a wrong derivative along or across the radius, and a division by zero in the middle."""
+    for xy in (np.array([x, y]), np.array([1e-5 * x, 1e-5 * y]), np.zeros(2)):
+        _, analytic = distort(xy, distortion, EQUIDISTANT)
+        numeric = central_differences(lambda d, xy=xy: distort(xy + d, distortion, EQUIDISTANT)[0], 2)
+        assert np.abs(analytic - numeric).max() < 1e-8
+
+
+@pytest.mark.parametrize("k", [(-0.28, 0.07, 3e-3, -2e-3), (-0.28, 0.07, 3e-3, -2e-3, -0.012)])
+def test_distortion_follows_opencv(k):
+    """Catches p1 and p2 exchanged, k3 before them, or another radial model."""
     cv2 = pytest.importorskip("cv2")
     xy = np.random.default_rng(3).uniform(-0.8, 0.8, (40, 2))
-    k = (-0.28, 0.07, 3e-3, -2e-3)
     expected, _ = cv2.projectPoints(
         np.column_stack([xy, np.ones(40)]), np.zeros(3), np.zeros(3), np.eye(3), np.array(k)
     )
@@ -62,6 +99,78 @@ def test_undistortion_inverts(distortion, x, y):
     """Catches an inverse that stops early: fixed-point iteration leaves 1e-4 at the image corners."""
     xy = np.array([x, y])
     assert np.abs(undistort(distort(xy, distortion)[0], distortion) - xy).max() < 1e-11
+
+
+def test_fisheye_follows_opencv_both_ways():
+    """Catches another polynomial, or an inverse that stops early: OpenCV's own is good to 1e-8 by default."""
+    cv2 = pytest.importorskip("cv2")
+    uv = np.stack(np.meshgrid(np.arange(512.0), np.arange(512.0)), axis=-1).reshape(-1, 2)[::7]
+    uv = uv[in_field(FISHEYE, uv)]
+    ideal = undistort_pixels(FISHEYE, uv)
+    # Without a limit on its steps OpenCV gives up near 85 degrees, so the field is compared.
+    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-15)
+    expected = cv2.fisheye.undistortPoints(
+        uv[:, None], FISHEYE.K, np.array(TUM_VI), P=FISHEYE.K, criteria=criteria
+    )
+    assert np.abs(ideal - expected[:, 0]).max() < 1e-11
+    xy = (ideal - [FISHEYE.cx, FISHEYE.cy]) / [FISHEYE.fx, FISHEYE.fy]
+    back = cv2.fisheye.distortPoints(xy[:, None], FISHEYE.K, np.array(TUM_VI))
+    assert np.abs(distort_pixels(FISHEYE, ideal) - back[:, 0]).max() < 1e-11
+    assert np.abs(back[:, 0] - uv).max() < 1e-11
+
+
+@given(fisheye_coefficients, st.floats(0.0, 1.48), st.floats(-3.2, 3.2))
+def test_fisheye_inverts_to_rounding_or_says_so(distortion, theta, direction):
+    """Catches a root beyond the fold, and one of a ray that the lens does not image."""
+    xy = np.tan(theta) * np.array([np.cos(direction), np.sin(direction)])
+    seen, _ = distort(xy, distortion, EQUIDISTANT)
+    back, good = undistort_where(seen, distortion, EQUIDISTANT)
+    if good:
+        again, jacobian = distort(back, distortion, EQUIDISTANT)
+        assert np.abs(again - seen).max() < 1e-15 * max(np.linalg.norm(xy), 4.0)
+        assert np.linalg.eigvalsh(jacobian).min() > -1e-7
+    else:
+        with pytest.raises(VigaugeError, match="cannot be inverted"):
+            undistort(seen, distortion, EQUIDISTANT)
+        path = np.tan(np.linspace(0.0, theta, 500))[:, None] * [np.cos(direction), np.sin(direction)]
+        radius = np.linalg.norm(distort(path, distortion, EQUIDISTANT)[0], axis=1)
+        assert np.diff(radius).min() < 1e-5
+
+
+def test_field_of_a_fisheye_ends_at_its_angle():
+    """Catches a mask in ideal pixels, or one that keeps the corners, which lie beyond 90 degrees."""
+    for angle, seen in ((FIELD_DEG - 0.1, True), (FIELD_DEG + 0.1, False)):
+        xy = np.tan(np.radians(angle)) * np.array([0.6, -0.8])
+        raw = distort_pixels(FISHEYE, xy * [FISHEYE.fx, FISHEYE.fy] + [FISHEYE.cx, FISHEYE.cy])
+        assert in_field(FISHEYE, raw) == seen
+    assert not np.any(in_field(FISHEYE, np.array([[0.0, 0.0], [511.0, 511.0]])))
+    assert np.all(in_field(CAMERA, np.array([[0.0, 0.0], [751.0, 479.0]])))
+
+
+def test_size_of_a_pixel_on_the_ideal_plane():
+    """Catches the inverse of it: noise of one measured pixel, undistorted, has this deviation."""
+    rng = np.random.default_rng(4)
+    for angle in (5.0, 45.0, 65.0):
+        ideal = np.tan(np.radians(angle)) * np.array([0.6, 0.8]) * FISHEYE.fx + [FISHEYE.cx, FISHEYE.cy]
+        noisy = distort_pixels(FISHEYE, ideal) + 0.01 * rng.normal(size=(20_000, 2))
+        deviation = np.sqrt(0.5 * np.sum((undistort_pixels(FISHEYE, noisy) - ideal) ** 2, axis=1).mean())
+        assert deviation / 0.01 == pytest.approx(ideal_size(FISHEYE, ideal), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"lens": "omni"}, "lens"),
+        ({"distortion": TUM_VI[:3]}, "distortion"),
+        ({"distortion": (*TUM_VI, 0.0)}, "distortion"),
+        ({"distortion": (np.nan, *TUM_VI[:3])}, "distortion"),
+    ],
+)
+def test_lens_that_is_none_is_refused(change, field):
+    """Catches a fifth coefficient of another model taken for one of this."""
+    with pytest.raises(DataError) as caught:
+        replace(FISHEYE, **change)
+    assert caught.value.field == field
 
 
 def test_pixels_round_trip_over_the_whole_image():

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.random_problem import random_problem
+from support.random_problem import random_problem, with_noise_of_its_own
 from vigauge.errors import DataError, OutputError
 from vigauge.geometry.camera import Camera
 from vigauge.model.archive import (
@@ -41,10 +41,13 @@ def equal(a, b) -> bool:
 
 def problems() -> list[Problem]:
     one = random_problem(2, n_keyframes=2, n_landmarks=1)
+    left, right = one.cameras
+    fisheye = replace(left, lens="equidistant", distortion=(0.003, 7e-4, -0.002, 2e-4))
+    fifth = replace(right, distortion=(*right.distortion, 0.01))
     return [
         random_problem(1),
         replace(random_problem(1, biases=True), loss=Cauchy(2.5)),
-        replace(one, loss=Huber(1.345)),
+        with_noise_of_its_own(replace(one, loss=Huber(1.345), cameras=(fisheye, fifth)), 2),
     ]
 
 
@@ -174,6 +177,7 @@ def changed(path: Path, field: str, value) -> Path:
         ("0/sigma_px", np.array([1.0, 2.0]), "sigma_px"),
         ("0/sigma_px", np.array(-1.0), "sigma_px"),
         ("0/cameras.size", np.array([[752, 480]]), "cameras"),
+        ("0/cameras.lens", np.array(["radial-tangential", "omni"]), "lens"),
         ("0/cameras.p_BC", np.array([["a", "b", "c"], ["a", "b", "c"]]), "p_BC"),
         ("0/obs_keyframe", np.zeros(3, dtype=np.int64), "obs_keyframe"),
         ("0/obs_landmark", np.zeros(3), "obs_landmark"),

@@ -22,7 +22,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..files import atomic_path
-from ..geometry.camera import Camera
+from ..geometry.camera import LENSES, RADIAL_TANGENTIAL, Camera
 from .loss import LOSSES, Loss
 from .problem import InertialFactors, Problem
 from .state import State
@@ -45,7 +45,14 @@ _FACTORS = ("first", "second", "dt", "dp", "dR", "dv", "covariance")
 # There where biases are estimated.
 _BIASES = ("gyro_bias", "accel_bias")
 _BY_BIASES = ("by_gyro_bias", "by_accel_bias", *_BIASES)
-_CAMERAS = {"intrinsics": (4,), "size": (2,), "distortion": (4,), "R_BC": (3, 3), "p_BC": (3,)}
+# A lens with five coefficients makes the distortion five wide for all.
+_CAMERAS: dict[str, tuple[int, ...]] = {
+    "intrinsics": (4,),
+    "size": (2,),
+    "distortion": (4,),
+    "R_BC": (3, 3),
+    "p_BC": (3,),
+}
 _OBSERVATIONS = ("obs_keyframe", "obs_camera", "obs_landmark", "obs_uv")
 _INTEGERS = {"first", "second", "obs_keyframe", "obs_camera", "obs_landmark", "cameras.size"}
 
@@ -101,26 +108,38 @@ def _state_arrays(state: State) -> dict[str, np.ndarray]:
     return {name: getattr(state, name) for name in (*_STATE, *(_BIASES if state.has_biases else ()))}
 
 
+def _camera_arrays(cameras: tuple[Camera, ...]) -> dict[str, Any]:
+    """Field by field; ``lens`` only where some camera has another than the radial-tangential one."""
+    width = max([4, *(len(c.distortion) for c in cameras)])
+    arrays: dict[str, Any] = {
+        "intrinsics": [[c.fx, c.fy, c.cx, c.cy] for c in cameras],
+        "size": [[c.width, c.height] for c in cameras],
+        "distortion": [(*c.distortion, 0.0)[:width] for c in cameras],
+        "R_BC": [c.R_BC for c in cameras],
+        "p_BC": [c.p_BC for c in cameras],
+    }
+    for name, values in arrays.items():
+        dtype = np.int64 if f"cameras.{name}" in _INTEGERS else np.float64
+        shape = (width,) if name == "distortion" else _CAMERAS[name]
+        arrays[name] = np.array(values, dtype=dtype).reshape(-1, *shape)
+    if any(c.lens != RADIAL_TANGENTIAL for c in cameras):
+        arrays["lens"] = np.array([c.lens for c in cameras])
+    return {f"cameras.{name}": array for name, array in arrays.items()}
+
+
 def _problem_arrays(problem: Problem) -> dict[str, Any]:
     arrays: dict[str, Any] = {f"initial.{k}": v for k, v in _state_arrays(problem.initial).items()}
     factors = (*_FACTORS, *(_BY_BIASES if problem.estimates_biases else ()))
     arrays |= {f"inertial.{name}": getattr(problem.inertial, name) for name in factors}
     arrays |= {name: getattr(problem, name) for name in _OBSERVATIONS}
     arrays["sigma_px"] = problem.sigma_px
+    if problem.obs_noise is not None:
+        arrays["obs_noise"] = problem.obs_noise
     arrays["gravity"] = problem.gravity
     if problem.loss is not None:
         arrays["loss"] = problem.loss.kind
         arrays["loss.delta"] = problem.loss.delta
-    for camera_field, values in (
-        ("intrinsics", [[c.fx, c.fy, c.cx, c.cy] for c in problem.cameras]),
-        ("size", [[c.width, c.height] for c in problem.cameras]),
-        ("distortion", [c.distortion for c in problem.cameras]),
-        ("R_BC", [c.R_BC for c in problem.cameras]),
-        ("p_BC", [c.p_BC for c in problem.cameras]),
-    ):
-        dtype = np.int64 if f"cameras.{camera_field}" in _INTEGERS else np.float64
-        arrays[f"cameras.{camera_field}"] = np.array(values, dtype=dtype).reshape(-1, *_CAMERAS[camera_field])
-    return arrays
+    return arrays | _camera_arrays(problem.cameras)
 
 
 class _Entry:
@@ -162,14 +181,22 @@ def _status_from(entry: _Entry) -> str:
 def _cameras_from(entry: _Entry) -> tuple[Camera, ...]:
     arrays = {name: entry.take(f"cameras.{name}") for name in _CAMERAS}
     count = len(arrays["intrinsics"])
+    lenses = entry.fields.get("cameras.lens", np.full(count, RADIAL_TANGENTIAL))
+    if lenses.shape != (count,) or not np.all(np.isin(lenses, list(LENSES))):
+        rule = f"must be one of {', '.join(LENSES)} for each camera"
+        raise DataError("entry", rule, field="cameras.lens", value=lenses.tolist())
     for name, shape in _CAMERAS.items():
+        if name == "distortion" and arrays[name].shape == (count, 5):
+            continue
         if arrays[name].shape != (count, *shape):
             raise DataError(
                 "entry", f"shape must be {(count, *shape)}", field=f"cameras.{name}", value=arrays[name].shape
             )
+    # A fifth coefficient of zero is that of another camera's lens.
+    distortion = [tuple(d if np.any(d[4:]) else d[:4]) for d in arrays.pop("distortion").tolist()]
     return tuple(
-        Camera(*map(float, k), int(size[0]), int(size[1]), tuple(map(float, d)), R, p)  # type: ignore[arg-type, call-arg]
-        for k, size, d, R, p in zip(*arrays.values(), strict=True)
+        Camera(*map(float, k), int(size[0]), int(size[1]), d, R, p, lens)  # type: ignore[arg-type, call-arg]
+        for k, size, R, p, d, lens in zip(*arrays.values(), distortion, lenses.tolist(), strict=True)
     )
 
 
@@ -193,6 +220,7 @@ def _problem_from(entry: _Entry) -> Problem:
         gravity=float(entry.take("gravity", number=True)),
         biases="estimated" if initial.has_biases else "known",
         loss=_loss_from(entry),
+        obs_noise=entry.take("obs_noise") if "obs_noise" in entry.fields else None,
         **{name: entry.take(name) for name in _OBSERVATIONS},  # type: ignore[arg-type]
     )
 

@@ -17,7 +17,7 @@ import yaml
 from vigauge.errors import DataError
 from vigauge.files import remove_leftovers
 from vigauge.geometry import so3
-from vigauge.geometry.camera import Camera
+from vigauge.geometry.camera import EQUIDISTANT, RADIAL_TANGENTIAL, Camera
 from vigauge.geometry.so3 import Array
 
 from ..ids import STAND_IN
@@ -42,6 +42,7 @@ _TRUTH_COLUMNS = (
     "b_w_RS_S_x [rad s^-1],b_w_RS_S_y [rad s^-1],b_w_RS_S_z [rad s^-1],"
     "b_a_RS_S_x [m s^-2],b_a_RS_S_y [m s^-2],b_a_RS_S_z [m s^-2]"
 )
+_CALIBRATIONS = {RADIAL_TANGENTIAL: "EuRoC's", EQUIDISTANT: "TUM-VI's"}
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
 
 
@@ -119,13 +120,13 @@ def _transformation(T: Array) -> dict[str, Any]:
 def _camera_description(name: str, camera: Camera) -> dict[str, Any]:
     return {
         "sensor_type": "camera",
-        "comment": f"{name} of a {STAND_IN}; EuRoC's calibration",
+        "comment": f"{name} of a {STAND_IN}; {_CALIBRATIONS[camera.lens]} calibration",
         "T_BS": _transformation(camera.T_BC),
         "rate_hz": EUROC_CAMERA_RATE_HZ,
         "resolution": [camera.width, camera.height],
         "camera_model": "pinhole",
         "intrinsics": [camera.fx, camera.fy, camera.cx, camera.cy],
-        "distortion_model": "radial-tangential",
+        "distortion_model": camera.lens,
         "distortion_coefficients": list(camera.distortion),
     }
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vigauge.geometry.camera import Camera
+from vigauge.geometry.camera import EQUIDISTANT, RADIAL_TANGENTIAL, Camera
 from vigauge.geometry.so3 import Array
 from vigauge.model.imu import ImuNoise, ImuSamples
 from vigauge.synthetic.spline import SplineTrajectory
@@ -45,6 +45,18 @@ _EUROC_CAMERAS = (
         ),
     ),
 )
+# TUM-VI, camchain.yaml of the images of 512 x 512: intrinsics px, distortion of the left and right fisheye.
+_TUM_VI_SIZE = (512, 512)
+_TUM_VI_LENSES = (
+    (
+        (190.97847715128717, 190.9733070521226, 254.93170605935475, 256.8974428996504),
+        (0.0034823894022493434, 0.0007150348452162257, -0.0020532361418706202, 0.00020293673591811182),
+    ),
+    (
+        (190.44236969414825, 190.4344384721956, 252.59949716835982, 254.91723064636983),
+        (0.0034003170790442797, 0.001766278153469831, -0.00266312569781606, 0.0003299517423931039),
+    ),
+)
 # EuRoC, imu0/sensor.yaml: rad/s/sqrt(Hz), m/s^2/sqrt(Hz); random walks rad/s^2/sqrt(Hz), m/s^3/sqrt(Hz).
 EUROC_IMU_NOISE = ImuNoise(gyro_density=1.6968e-04, accel_density=2.0e-3)
 EUROC_BIAS_WALK = ImuNoise(gyro_density=1.9393e-05, accel_density=3.0e-3)
@@ -59,6 +71,19 @@ def euroc_cameras() -> tuple[Camera, Camera]:
         for intrinsics, distortion, T in _EUROC_CAMERAS
     )
     return left, right
+
+
+def fisheye_cameras() -> tuple[Camera, Camera]:
+    """TUM-VI's fisheyes where EuRoC has its cameras."""
+    left, right = (
+        Camera(*intrinsics, *_TUM_VI_SIZE, distortion, camera.R_BC, camera.p_BC, EQUIDISTANT)
+        for (intrinsics, distortion), camera in zip(_TUM_VI_LENSES, euroc_cameras(), strict=True)
+    )
+    return left, right
+
+
+# The rig with each lens that a sequence can be rendered through.
+RIGS = {RADIAL_TANGENTIAL: euroc_cameras, EQUIDISTANT: fisheye_cameras}
 
 
 @dataclass(frozen=True)

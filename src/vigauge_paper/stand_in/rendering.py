@@ -1,4 +1,4 @@
-"""A stereo-inertial sequence rendered through EuRoC's own calibration: the stand-in for its images.
+"""A stereo-inertial sequence rendered through EuRoC's calibration, or TUM-VI's: the stand-in for images.
 
 For every measured, distorted pixel the ray of sight is known, so an image is a ray-cast and
 a texture look-up: distortion is exact, and so is the truth behind each pixel
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vigauge.errors import ConfigError
-from vigauge.geometry.camera import Camera, distort, undistort
+from vigauge.geometry.camera import RADIAL_TANGENTIAL, Camera, distort, undistort_where
 from vigauge.geometry.so3 import Array
 from vigauge.model.imu import ImuNoise
 from vigauge.synthetic.spline import SplineTrajectory
@@ -26,10 +26,10 @@ from .flight import (
     EUROC_IMU_NOISE,
     EUROC_IMU_RATE_HZ,
     HALL_FLIGHT,
+    RIGS,
     ROOM_FLIGHT,
     FlightShape,
     ImuRecord,
-    euroc_cameras,
     fly,
     record_imu,
 )
@@ -68,6 +68,7 @@ class RenderSettings:
     imu_noise_factor : times EuRoC's published white-noise densities
     image_noise_grey : standard deviation of a pixel's noise, grey levels of 256
     vignetting : share of brightness lost in the corner of the image
+    lens : "radial-tangential", EuRoC's, or "equidistant", TUM-VI's fisheye
     """
 
     seed: int = 1
@@ -82,6 +83,7 @@ class RenderSettings:
     imu_noise_factor: float = 1.0
     image_noise_grey: float = 2.0
     vignetting: float = 0.2
+    lens: str = RADIAL_TANGENTIAL
 
     def __post_init__(self) -> None:
         """Raises ConfigError for a value that no sequence can be made with."""
@@ -100,6 +102,7 @@ class RenderSettings:
             ("imu_noise_factor", self.imu_noise_factor > 0.0, "must be positive"),
             ("image_noise_grey", self.image_noise_grey >= 0.0, "must not be negative"),
             ("vignetting", 0.0 <= self.vignetting < 1.0, "must be in [0, 1)"),
+            ("lens", self.lens in RIGS, f"must be one of {', '.join(RIGS)}"),
         ):
             if not valid:
                 raise ConfigError("rendered scene", rule, field=field, value=getattr(self, field))
@@ -169,7 +172,7 @@ def render_sequence(scene_name: str, settings: RenderSettings) -> RenderedSequen
         generators["imu"],
     )
     atlas = paint(scene, generators["texture"])
-    return RenderedSequence(scene, atlas, trajectory, euroc_cameras(), frame_ns, imu, noise, settings)
+    return RenderedSequence(scene, atlas, trajectory, RIGS[settings.lens](), frame_ns, imu, noise, settings)
 
 
 def _generators(seed: int) -> dict[str, np.random.Generator]:
@@ -197,15 +200,17 @@ class View:
         rows, columns = np.indices((camera.height, camera.width))
         focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
         normalised = (np.stack([columns, rows], axis=-1) - centre) / focal
-        ideal = undistort(normalised, camera.distortion)
-        _, jacobian = distort(ideal, camera.distortion)
+        ideal, seen = undistort_where(normalised, camera.distortion, camera.lens)
+        ideal[~seen] = 0.0
+        _, jacobian = distort(ideal, camera.distortion, camera.lens)
         rays = np.concatenate([ideal, np.ones(ideal.shape[:2] + (1,))], axis=-1)
         self._rays_C = rays.reshape(-1, 3).T.astype(np.float32)
         # Side of a pixel on the plane at depth 1, the square root of its area.
         area = 1.0 / (camera.fx * camera.fy * np.linalg.det(jacobian))
         self._pixel_size = np.sqrt(area).astype(np.float32)
         radius2 = np.sum((normalised / np.abs(normalised).max(axis=(0, 1))) ** 2, axis=-1) / 2.0
-        self._gain = (1.0 - vignetting * radius2).astype(np.float32)
+        # Where the lens throws no light the sensor is dark.
+        self._gain = np.where(seen, 1.0 - vignetting * radius2, 0.0).astype(np.float32)
 
     def render(self, scene: Scene, atlas: TextureAtlas, R_WB: Array, p_W: Array) -> NDArray[np.float32]:
         """(height, width) noise-free grey levels, seen from a body at R_WB, p_W (m)."""

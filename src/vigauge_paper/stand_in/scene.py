@@ -137,7 +137,8 @@ def point_at_pixel(
     optical axis (M,) m, and the face numbers (M,).
     """
     normalised = (np.asarray(uv, dtype=float) - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
-    rays_C = np.column_stack([undistort(normalised, camera.distortion), np.ones(len(normalised))])
+    ideal = undistort(normalised, camera.distortion, camera.lens)
+    rays_C = np.column_stack([ideal, np.ones(len(ideal))])
     rays_W = R_WB @ camera.R_BC @ rays_C.T
     origin_W = R_WB @ camera.p_BC + p_W
     depth, face = scene.raycast(origin_W, rays_W)

@@ -43,6 +43,16 @@ def test_camera_is_read_with_and_without_the_opencv_line(tmp_path, first):
     assert np.allclose(camera.R_BC @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], rtol=0, atol=1e-15)
 
 
+def test_lenses_are_read_with_their_coefficients(tmp_path):
+    """Catches a fisheye read as another lens, and k3 left out."""
+    fifth = camera_of(tmp_path, CAMERA.replace("1.7e-05]", "1.7e-05, 3e-3]"))
+    assert (fifth.lens, fifth.distortion) == ("radial-tangential", (-0.28, 0.07, 2e-4, 1.7e-05, 3e-3))
+    fisheye = CAMERA.replace("radial-tangential", "equidistant")
+    assert camera_of(tmp_path, fisheye).lens == "equidistant"
+    refusal = refused(tmp_path, fisheye.replace("1.7e-05]", "1.7e-05, 3e-3]"))
+    assert refusal.field == "distortion_coefficients"
+
+
 def test_rounded_rotation_becomes_an_exact_one(tmp_path):
     """Catches six published digits that would later fail as 'no rotation matrix'."""
     angle = 0.3
@@ -59,7 +69,7 @@ def test_rounded_rotation_becomes_an_exact_one(tmp_path):
     ("old", "new", "field"),
     [
         ("pinhole", "omni", "camera_model"),
-        ("radial-tangential", "equidistant", "distortion_model"),
+        ("radial-tangential", "omni", "distortion_model"),
         ("intrinsics: [30.0, 31.0, 19.5, 14.5]", "intrinsics: [30.0, 31.0, 19.5]", "intrinsics"),
         ("intrinsics: [30.0, 31.0, 19.5, 14.5]", "no_intrinsics: 0", "intrinsics"),
         ("[30.0, 31.0", "[-30.0, 31.0", "intrinsics"),
@@ -69,7 +79,8 @@ def test_rounded_rotation_becomes_an_exact_one(tmp_path):
         ("resolution: [40, 30]", "resolution: [40, 30.5]", "resolution"),
         ("resolution: [40, 30]", "resolution: [0, 30]", "resolution"),
         ("resolution: [40, 30]", "resolution: 40x30", "resolution"),
-        ("[-0.28, 0.07, 2e-4, 1.7e-05]", "[-0.28, 0.07, 2e-4, 1.7e-05, 0.0]", "distortion_coefficients"),
+        ("[-0.28, 0.07, 2e-4, 1.7e-05]", "[-0.28, 0.07, 2e-4]", "distortion_coefficients"),
+        ("[-0.28, 0.07, 2e-4, 1.7e-05]", "[-0.28, 0.07, 2e-4, 1e-5, 0.0, 0.0]", "distortion_coefficients"),
         ("T_BS:", "T_SB:", "T_BS"),
         ("1.0, 0.0, 0.0, 0.0,", "1.0, 0.0, 0.0,", "data"),
         ("0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.1, 1.0]", "T_BS"),

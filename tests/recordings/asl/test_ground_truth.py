@@ -116,6 +116,24 @@ def test_states_between_samples_are_interpolated(spacing_ms):
     assert np.array_equal(state.p_W[:2], truth.p_W[[0, 0]])
 
 
+def test_velocities_of_a_truth_with_poses_only_are_derived():
+    """Catches zeros for velocities, and those next to a hole or the ends, which no difference can tell."""
+    t_ns = IMU_NS[0] + np.arange(240, dtype=np.int64) * 8_333_333
+    t_ns = np.concatenate([t_ns[:120], t_ns[140:]])
+    p_W, R_WB, _ = motion(t_ns)
+    truth = GroundTruth(t_ns, p_W, R_WB)
+    wanted = t_ns[[10, 60, 200]] + 2_000_000
+    state = truth.states_at(wanted)
+    # A difference over 0.1 s smooths away the third derivative times 0.05^2 / 6: 0.011 m/s here.
+    assert np.abs(state.v_W - motion(wanted)[2]).max() < 0.015
+    assert np.abs(state.p_W - motion(wanted)[0]).max() < 1e-4
+    for row in (2, 118, 121, len(t_ns) - 2):
+        with pytest.raises(DataError, match="must have a state at each keyframe"):
+            truth.states_at(t_ns[[row]])
+    with pytest.raises(DataError, match="to derive them"):
+        GroundTruth(t_ns[::20], p_W[::20], R_WB[::20]).states_at(t_ns[[20]])
+
+
 def test_no_state_is_made_up_in_a_hole_or_outside():
     """Catches motion drawn through a second without truth, or carried on past the last sample."""
     t_ns = np.array(IMU_NS[:20] + [IMU_NS[19] + LARGEST_GAP_NS + 1])

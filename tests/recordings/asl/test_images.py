@@ -68,16 +68,23 @@ def test_file_that_is_no_image_is_refused(tmp_path):
     ("image", "found"),
     [
         (np.zeros((30, 40, 3), np.uint8), "uint8, 3 channels"),
-        (np.zeros((30, 40), np.uint16), "uint16, 1 channels"),
+        (np.zeros((30, 40, 3), np.uint16), "uint8, 3 channels"),
         (np.zeros((30, 39), np.uint8), "39 x 30"),
         (np.zeros((40, 30), np.uint8), "30 x 40"),
     ],
 )
 def test_image_of_another_kind_is_refused(tmp_path, image, found):
-    """Catches colour or 16-bit images turned grey in silence, and a transposed or cropped image."""
+    """Catches colour images turned grey in silence, and a transposed or cropped image."""
     path = tmp_path / "a.png"
     path.write_bytes(encoded(".png", image))
     assert refused(path).value == found
+
+
+def test_upper_byte_of_sixteen_bits_is_read(tmp_path):
+    """Catches images of TUM-VI refused, and the lower byte, which is noise."""
+    deep = np.random.default_rng(0).integers(0, 2**16, (30, 40), dtype=np.uint16)
+    (tmp_path / "a.png").write_bytes(encoded(".png", deep))
+    assert np.array_equal(read_image(tmp_path / "a.png", CAMERA), deep // 256)
 
 
 @pytest.mark.parametrize("kept", [0.3, 0.5, 0.8])

@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from vigauge.errors import DataError
+from vigauge.recordings.asl.calibration import read_camera
 from vigauge.recordings.asl.ground_truth import read_ground_truth
 from vigauge.recordings.asl.images import read_image
 from vigauge.recordings.asl.kalibr import camera_chain, imu_description
@@ -218,7 +219,7 @@ def test_program_converts_and_refuses_in_one_line(bag: Path, tmp_path: Path) -> 
     ("changes", "field"),
     [
         ({"camera_model": "omni"}, "cam0.camera_model"),
-        ({"distortion_model": "equidistant"}, "cam0.distortion_model"),
+        ({"distortion_model": "fov"}, "cam0.distortion_model"),
         ({"T_cam_imu": [[1.0, 0.0], [0.0, 1.0]]}, "cam0.T_cam_imu"),
         ({"T_cam_imu": np.diag([1.0, 1.0, 2.0, 1.0]).tolist()}, "cam0.T_cam_imu"),
         ({"timeshift_cam_imu": 2.5e6}, "cam0.timeshift_cam_imu"),
@@ -229,6 +230,16 @@ def test_calibration_that_cannot_be_used_is_named(tmp_path: Path, changes: dict,
     with pytest.raises(DataError) as caught:
         camera_chain(kalibr_files(tmp_path, **changes)[0])
     assert caught.value.field == field
+
+
+def test_fisheye_of_a_camchain_stays_one(tmp_path: Path) -> None:
+    """Catches a fisheye written as another lens, which reads without complaint and bends every ray."""
+    path = tmp_path / "sensor.yaml"
+    for model, lens in (("equidistant", "equidistant"), ("radtan", "radial-tangential")):
+        chain = camera_chain(kalibr_files(tmp_path, distortion_model=model)[0])
+        path.write_text(yaml.safe_dump(chain.descriptions[0]))
+        camera = read_camera(path)
+        assert (camera.lens, camera.distortion) == (lens, (-0.28, 0.07, 2e-4, 1.7e-5))
 
 
 def test_missing_density_is_named(tmp_path: Path) -> None:

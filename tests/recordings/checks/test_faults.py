@@ -325,6 +325,32 @@ def test_inertial_sensor_and_truth_are_checked_without_images(inertial_folder: P
     assert run_program(inertial_folder).returncode == 2
 
 
+def test_mocap_of_poses_only_is_checked_and_said(inertial_folder: Path) -> None:
+    """A truth of TUM-VI's passed over, or its missing columns taken for zeros."""
+    mav = inertial_folder / "mav0"
+    edit_rows(inertial_folder, TRUTH, lambda row: row[:8])
+    (mav / TRUTH).rename(mav / "mocap0")
+    found = check(inertial_folder)
+    assert found.exit_status == 0, found.lines()
+    facts = found.facts["mocap0"]
+    assert not facts["velocities"] and not facts["biases"] and facts["gyro_axes_deg"] < 0.1
+    assert "velocities are derived from its positions" in found.skipped["columns of mocap0"]
+    edit_rows(inertial_folder, "mocap0", lambda row: [*row[:4], *row[5:8], row[4]])
+    assert check(inertial_folder).exit_status == 2
+
+
+def test_fisheye_recording_is_checked(fisheye_folder: Path, tmp_path: Path) -> None:
+    """A good recording refused for its lens; and the wrong lens, which bends every ray, not noticed."""
+    found = check(fisheye_folder)
+    assert found.exit_status == 0, found.lines()
+    assert found.facts["calibration"]["epipolar_px"] < 0.5
+    spoilt = Path(shutil.copytree(fisheye_folder, tmp_path / "fisheye"))
+    for name in ("cam0", "cam1"):
+        path = spoilt / "mav0" / name / "sensor.yaml"
+        path.write_text(path.read_text().replace("equidistant", "radial-tangential"))
+    assert check(spoilt).exit_status == 2
+
+
 def test_window_without_images_counts_from_the_first_sample(inertial_folder: Path) -> None:
     found = check(inertial_folder, window=Window(start_s=1.0, end_s=2.5))
     assert found.exit_status == 0, found.lines()

@@ -16,7 +16,7 @@ import pytest
 from vigauge.errors import DataError
 from vigauge.gauge.gauges import FixedGauge, FreeGauge
 from vigauge.geometry import so3
-from vigauge.geometry.camera import distort_pixels
+from vigauge.geometry.camera import FIELD_DEG, distort_pixels
 from vigauge.model.archive import load_problems, load_states, save_problems
 from vigauge.model.evaluation import TrajectoryErrors, align_first_pose, trajectory_errors
 from vigauge.model.problem import Problem
@@ -27,7 +27,9 @@ from vigauge.recordings.frontend.build import build_problem
 from vigauge.recordings.frontend.report import FrontEndReport
 from vigauge.recordings.frontend.settings import FrontEndSettings
 from vigauge.solver.levenberg_marquardt import Solution, solve
-from vigauge.solver.residuals import inertial_residual
+from vigauge.solver.residuals import inertial_residual, visual_residual
+from vigauge_paper.stand_in.asl_folder import write_asl_folder
+from vigauge_paper.stand_in.rendering import RenderSettings, render_sequence
 from vigauge_paper.stand_in.scene import point_at_pixel
 
 FLOW = {"tracker": "optical_flow", "keyframes": {"count": 7}, "optical_flow": {"corners": 250}}
@@ -71,6 +73,47 @@ def test_start_is_near_the_truth_and_solving_brings_it_nearer(run: Run) -> None:
     end = trajectory_errors(solution.state, run.truth)
     assert end.p_rmse_m < 0.006 and end.phi_rmse_deg < 0.1 and end.v_rmse_mps < 0.02
     assert end.p_rmse_m < start.p_rmse_m
+
+
+@pytest.mark.parametrize("tracker", sorted(TRACKERS))
+def test_fisheye_is_as_good(tracker: str, fisheye_folder: Path) -> None:
+    """A step that takes pixels of a fisheye for those of another lens, or that drops all but its middle."""
+    sequence = read_sequence(fisheye_folder)
+    truth = read_ground_truth(fisheye_folder / "mav0" / "state_groundtruth_estimate0")
+    run = run_front_end(sequence, truth, TRACKERS[tracker])
+    test_start_is_near_the_truth_and_solving_brings_it_nearer(run)
+    problem = run.problem.with_noise(0.3, 1.0)
+    rays = (problem.obs_uv - [254.0, 256.0]) / 190.7
+    angle = np.degrees(np.arctan(np.linalg.norm(rays, axis=1)))
+    assert np.mean(angle > 45.0) > 0.2 and FIELD_DEG - 5.0 < angle.max() < FIELD_DEG + 0.5
+    assert problem.obs_noise is not None
+    # Errors in measured pixels do not grow with the angle; on the ideal plane they are four times as long.
+    error = np.linalg.norm(visual_residual(problem, solve(problem, FreeGauge()).state), axis=1)
+    assert np.median(error[angle > 50.0]) < 2.0 * np.median(error[angle < 30.0])
+    assert run.report.tracking_lost["outside the field"] > 0
+
+
+@pytest.mark.slow
+def test_lenses_are_equally_accurate(tmp_path: Path) -> None:
+    """A bias of one lens that single flights do not show: ratio of errors over eight flights."""
+    ratios = []
+    for seed in range(8):
+        errors = []
+        for lens in ("equidistant", "radial-tangential"):
+            settings = RenderSettings(
+                seed=seed, duration_s=1.5, frame_spacing_min_s=0.25, frame_spacing_max_s=0.25, lens=lens
+            )
+            folder = tmp_path / f"{lens}_{seed}"
+            write_asl_folder(render_sequence("room", settings), "room", folder, versions={})
+            truth = read_ground_truth(folder / "mav0" / "state_groundtruth_estimate0")
+            run = run_front_end(read_sequence(folder), truth, DESCRIPTORS)
+            state = solve(run.problem.with_noise(0.3, 1.0), FreeGauge()).state
+            found = trajectory_errors(state, run.truth)
+            errors.append((found.p_rmse_m, found.phi_rmse_deg, found.v_rmse_mps))
+        ratios.append(np.log(np.divide(*errors)))
+    mean, deviation = np.mean(ratios, axis=0), np.std(ratios, axis=0, ddof=1) / np.sqrt(len(ratios))
+    # 2.36: 95 % of Student's distribution with seven degrees of freedom.
+    assert np.all(np.abs(mean) < 2.36 * deviation), np.exp([mean - deviation, mean, mean + deviation])
 
 
 def test_landmarks_lie_where_the_scene_has_them(run: Run, rendered) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ...geometry.camera import Camera
+from ...geometry.camera import LENSES, Camera
 from ...geometry.so3 import Array
 from ...model.imu import ImuNoise
 from .plain_yaml import read_plain_yaml
@@ -42,14 +42,15 @@ def read_sensor_yaml(path: Path) -> Mapping[str, Any]:
 
 
 def read_camera(path: Path) -> Camera:
-    """A pinhole camera with radial-tangential distortion from its ``sensor.yaml``.
+    """A camera with a radial-tangential or an equidistant lens from its ``sensor.yaml``.
 
     ``T_BS`` takes sensor to body coordinates, which is this package's ``T_BC``.
     """
     content = read_sensor_yaml(path)
-    for key, model in (("camera_model", "pinhole"), ("distortion_model", "radial-tangential")):
-        if content.get(key) != model:
-            raise DataError(path, f"must be {model}", field=key, value=content.get(key))
+    for key, models in (("camera_model", ("pinhole",)), ("distortion_model", tuple(LENSES))):
+        if content.get(key) not in models:
+            raise DataError(path, f"must be {' or '.join(models)}", field=key, value=content.get(key))
+    lens = content["distortion_model"]
     fx, fy, cx, cy = _numbers(path, content, "intrinsics", 4)
     if fx <= 0.0 or fy <= 0.0:
         raise DataError(path, "focal lengths must be positive", field="intrinsics", value=(fx, fy))
@@ -57,10 +58,10 @@ def read_camera(path: Path) -> Camera:
     if not all(side == int(side) and 1 <= side <= _LARGEST_SIDE_PX for side in (width, height)):
         rule = f"must be two whole numbers from 1 to {_LARGEST_SIDE_PX}"
         raise DataError(path, rule, field="resolution", value=(width, height))
-    k1, k2, p1, p2 = _numbers(path, content, "distortion_coefficients", 4)
+    distortion = _numbers(path, content, "distortion_coefficients", *LENSES[lens])
     R_BC, p_BC = _rigid_transform(path, content)
     _refuse_unknown(path, content, _CAMERA_KEYS, "camera")
-    return Camera(fx, fy, cx, cy, int(width), int(height), (k1, k2, p1, p2), R_BC, p_BC)
+    return Camera(fx, fy, cx, cy, int(width), int(height), tuple(distortion), R_BC, p_BC, lens)
 
 
 def read_imu_noise(path: Path) -> ImuNoise:
@@ -120,10 +121,11 @@ def _number(path: Path, key: str, value: object) -> float:
     return number
 
 
-def _numbers(path: Path, content: Mapping[str, Any], key: str, length: int) -> list[float]:
+def _numbers(path: Path, content: Mapping[str, Any], key: str, *lengths: int) -> list[float]:
     values = content.get(key)
-    if not isinstance(values, list) or len(values) != length:
-        raise DataError(path, f"must be a list of {length} numbers", field=key, value=values)
+    if not isinstance(values, list) or len(values) not in lengths:
+        rule = f"must be a list of {' or '.join(map(str, lengths))} numbers"
+        raise DataError(path, rule, field=key, value=values)
     return [_number(path, key, value) for value in values]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -81,14 +81,16 @@ class GroundTruth:
 
         A state of the same instant is taken as it is. Between states, positions follow the cubic that
         meets positions and velocities, velocities the straight line, rotations the great circle (SLERP).
+        Where the truth has poses only, velocities are derived (:func:`derived_velocity`).
 
         Raises
         ------
         DataError
-            where the truth has no velocities, or has no states near enough (:meth:`serves`).
+            where the truth has no states near enough (:meth:`serves`) or, of poses only, none that a
+            velocity can be derived at.
         """
         if self.v_W is None:
-            raise DataError(self.source, "ground truth for evaluation must have velocities (17 columns)")
+            return self._with_derived_velocities().states_at(t_ns)
         t_ns = np.asarray(t_ns, dtype=np.int64)
         missing = ~self.serves(t_ns)
         if np.any(missing):
@@ -111,13 +113,40 @@ class GroundTruth:
             R_WB[off] = Slerp(seconds, Rotation.from_matrix(self.R_WB[part]))(wanted).as_matrix()
         return State.start(p_W, R_WB, v_W, np.zeros((0, 3)))
 
+    def _with_derived_velocities(self) -> GroundTruth:
+        """The states that a velocity can be derived at, with it."""
+        v_W = derived_velocity(self)
+        known = np.all(np.isfinite(v_W), axis=1)
+        if not np.any(known):
+            rule = "must have velocities (17 columns), or poses of 0.1 s at most 25 ms apart to derive them"
+            raise DataError(self.source, rule, value=f"{len(self.t_ns)} poses")
+        return replace(
+            self, t_ns=self.t_ns[known], p_W=self.p_W[known], R_WB=self.R_WB[known], v_W=v_W[known]
+        )
+
+
+def derived_velocity(truth: GroundTruth) -> Array:
+    """(M, 3) m/s by central differences over a tenth of a second; NaN at the ends and in holes."""
+    half = 50_000_000
+    before, off_before = nearest_index(truth.t_ns, truth.t_ns - half)
+    after, off_after = nearest_index(truth.t_ns, truth.t_ns + half)
+    dt = (truth.t_ns[after] - truth.t_ns[before])[:, None] * 1e-9
+    v_W = (truth.p_W[after] - truth.p_W[before]) / np.where(dt > 0.0, dt, np.nan)
+    v_W[(off_before > half // 2) | (off_after > half // 2)] = np.nan
+    return v_W
+
+
+def truth_folders(mav: Path) -> list[str]:
+    """Names of the folders of a ``mav0`` that hold a ground truth: ASL's, then TUM-VI's ``mocap0``."""
+    return sorted(path.name for path in (*mav.glob("state_groundtruth_*"), *mav.glob("mocap0")))
+
 
 def read_ground_truth(folder: Path, *, sort: bool = False) -> GroundTruth:
-    """Read ``data.csv`` of a ``state_groundtruth_*`` folder.
+    """Read ``data.csv`` of a ``state_groundtruth_*`` folder, or of TUM-VI's ``mocap0``.
 
     Columns: stamp, position, quaternion (w first); with 17 columns also velocity,
-    gyroscope bias, accelerometer bias. ``sort`` puts rows in order of time; without it,
-    rows out of order are an error.
+    gyroscope bias, accelerometer bias, which are absent with 8, as ``mocap0`` has. ``sort`` puts rows in
+    order of time; without it, rows out of order are an error.
     """
     table = read_table(
         Path(folder) / "data.csv", (_POSE_COLUMNS, _STATE_COLUMNS), sort=sort, fastest_ns=FASTEST_SAMPLES_NS

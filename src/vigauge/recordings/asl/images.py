@@ -25,13 +25,13 @@ _WHOLE = "must be a whole PNG or JPEG file that OpenCV can decode"
 
 
 def read_image(path: Path, camera: Camera) -> NDArray[np.uint8]:
-    """(height, width) 8-bit grey image as the camera took it, distortion and all.
+    """(height, width) 8-bit grey image as the camera took it, distortion and all; of 16 bits the upper 8.
 
     Raises
     ------
     DataError
         for a file that is missing, empty, cut short or neither PNG nor JPEG, and for an image
-        that is not 8-bit grey or not of the camera's size. The size is checked before decoding.
+        that is not grey of 8 or 16 bits or not of the camera's size. The size is checked before decoding.
     """
     if not path.is_file():
         raise DataError(path, "image file must exist")
@@ -43,9 +43,11 @@ def read_image(path: Path, camera: Camera) -> NDArray[np.uint8]:
     if declared != (camera.width, camera.height):
         _refuse_size(path, camera, *declared)
     image = _decoded(data, str(path), None)
+    if image.dtype == np.uint16:  # as TUM-VI has them
+        image = (image >> 8).astype(np.uint8)
     if image.ndim != 2 or image.dtype != np.uint8:
         found = f"{image.dtype}, {1 if image.ndim == 2 else image.shape[2]} channels"
-        raise DataError(path, "must be an 8-bit grey image", value=found)
+        raise DataError(path, "must be a grey image of 8 or 16 bits", value=found)
     if image.shape != (camera.height, camera.width):
         _refuse_size(path, camera, image.shape[1], image.shape[0])
     return image

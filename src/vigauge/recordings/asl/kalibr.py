@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
+from ...geometry.camera import EQUIDISTANT, RADIAL_TANGENTIAL
 from ...geometry.so3 import Array
 from .calibration import read_sensor_yaml
 
@@ -38,6 +39,7 @@ _DENSITIES = (
     "accelerometer_random_walk",
 )
 _IMU_KEYS = {*_DENSITIES, "rostopic", "update_rate", "T_i_b", "time_offset", "model"}
+_LENSES = {"radtan": RADIAL_TANGENTIAL, "equidistant": EQUIDISTANT}
 _INTRINSICS = ("accelerometers", "gyroscopes")
 
 
@@ -67,7 +69,7 @@ def camera_chain(camchain: Path) -> CameraChain:
     t_imu = t_cam + shift, s. Each camera is moved by its own; where they differ by less than
     Kalibr's noise both are moved by cam0's, so that pairs keep equal stamps.
 
-    Raises DataError for a camera that is missing, not pinhole with radtan distortion, or
+    Raises DataError for a camera that is missing, not pinhole with radtan or equidistant distortion, or
     without extrinsics; for keys that are unknown or contradict each other.
     """
     content = read_sensor_yaml(camchain)
@@ -203,16 +205,17 @@ def _matrix(path: Path, camera: str, entry: Mapping[str, Any], key: str) -> Arra
 
 
 def _description(path: Path, name: str, camera: Mapping[str, Any], T_CB: Array) -> dict[str, Any]:
-    for key, model in (("camera_model", "pinhole"), ("distortion_model", "radtan")):
-        if camera.get(key) != model:
-            raise DataError(path, f"must be {model}", field=f"{name}.{key}", value=camera.get(key))
+    for key, models in (("camera_model", ("pinhole",)), ("distortion_model", tuple(_LENSES))):
+        if camera.get(key) not in models:
+            rule = f"must be {' or '.join(models)}"
+            raise DataError(path, rule, field=f"{name}.{key}", value=camera.get(key))
     return {
         "sensor_type": "camera",
         "T_BS": _transformation(np.linalg.inv(T_CB)),
         "resolution": camera.get("resolution"),
         "camera_model": "pinhole",
         "intrinsics": camera.get("intrinsics"),
-        "distortion_model": "radial-tangential",
+        "distortion_model": _LENSES[camera["distortion_model"]],
         "distortion_coefficients": camera.get("distortion_coeffs"),
     }
 

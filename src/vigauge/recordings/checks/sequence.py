@@ -16,7 +16,7 @@ from ...geometry.camera import Camera
 from ...geometry.so3 import Array
 from ...model.imu import ImuNoise, ImuSamples
 from ..asl.calibration import read_camera, read_imu_noise, read_sensor_yaml
-from ..asl.ground_truth import read_ground_truth
+from ..asl.ground_truth import read_ground_truth, truth_folders
 from ..asl.sequence import Sequence, StereoFrames, read_frames, read_imu
 from ..frontend.opencv import one_thread
 from ..frontend.tracks import LEFT, RIGHT
@@ -264,9 +264,9 @@ def _check_motion_and_truths(
     rest = find_rest(imu)
     bias = gyro_bias if gyro_bias is not None else rest.gyro_bias
     check_gravity(imu, rest, bias if bias is not None else imu.gyro.mean(axis=0), out)
-    names = truths if truths is not None else sorted(p.name for p in mav.glob("state_groundtruth_*"))
+    names = truths if truths is not None else truth_folders(mav)
     if not names:
-        out.skip("truth", "there is no state_groundtruth_* folder")
+        out.skip("truth", "there is neither a state_groundtruth_* folder nor mocap0")
     for name in names:
         truth = _try(out, f"truth {name}", partial(read_ground_truth, mav / name, sort=sort))
         if truth is not None:

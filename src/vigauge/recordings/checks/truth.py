@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from ...geometry import so3
 from ...geometry.so3 import Array
 from ...model.imu import ImuNoise, ImuSamples, preintegrate
-from ..asl.ground_truth import LARGEST_GAP_NS, GroundTruth
+from ..asl.ground_truth import LARGEST_GAP_NS, GroundTruth, derived_velocity
 from ..asl.nearest import nearest_index
 from ..asl.truth_steps import SMALLEST_M, coarseness_m, step_candidates, why_kept
 from .findings import Findings
-from .truth_columns import check_biases, check_velocity, derived_velocity
+from .truth_columns import check_biases, check_velocity
 from .turning import GyroRotation, TurnFit, Turns, compare_turns
 
 _INTERVAL_S, _MOST_INTERVALS = 0.25, 400
@@ -71,7 +71,9 @@ def check_truth(
     v_W = derived_velocity(truth)
     if truth.v_W is None:
         out.skip(
-            f"columns of {name}", "it has poses only (8 columns): no velocities to evaluate, no known biases"
+            f"columns of {name}",
+            "it has poses only (8 columns): velocities are derived from its positions, over a tenth of a "
+            "second, and it has no biases that could be taken as known",
         )
     else:
         if check_velocity(name, truth, v_W, out):

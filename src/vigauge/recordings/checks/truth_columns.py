@@ -7,7 +7,6 @@ import numpy as np
 from ...geometry.so3 import Array
 from ...model.imu import ImuSamples
 from ..asl.ground_truth import GroundTruth
-from ..asl.nearest import nearest_index
 from .findings import Findings
 
 # Velocities against the derivative of position: good ones differ by 0.01 m/s, which is noise of position.
@@ -17,17 +16,6 @@ VELOCITY_MPS, VELOCITY_WARNING_SHARE, VELOCITY_ERROR_SHARE = 0.05, 0.1, 0.3
 BIAS_WARNING_RADPS, BIAS_ERROR_RADPS = 0.006, 0.03
 # Of an explanation, what may be left over of the difference that it explains.
 _EXPLAINED = 0.3
-
-
-def derived_velocity(truth: GroundTruth) -> Array:
-    """(M, 3) m/s by central differences over a tenth of a second; NaN at the ends and in holes."""
-    half = 50_000_000
-    before, off_before = nearest_index(truth.t_ns, truth.t_ns - half)
-    after, off_after = nearest_index(truth.t_ns, truth.t_ns + half)
-    dt = (truth.t_ns[after] - truth.t_ns[before])[:, None] * 1e-9
-    v_W = (truth.p_W[after] - truth.p_W[before]) / np.where(dt > 0.0, dt, np.nan)
-    v_W[(off_before > half // 2) | (off_after > half // 2)] = np.nan
-    return v_W
 
 
 def _rms(values: Array) -> float:

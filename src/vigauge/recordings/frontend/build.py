@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from ...errors import DataError
-from ...geometry.camera import Camera
+from ...geometry.camera import EQUIDISTANT, Camera, ideal_size
 from ...geometry.so3 import Array
 from ...model.problem import InertialFactors, Problem
 from ...model.state import State
@@ -208,7 +208,16 @@ def _problem(
         sigma_px=SIGMA_PX,
         inertial=factors,
         gravity=gravity,
+        obs_noise=_noise_of(cameras, kept),
     )
+
+
+def _noise_of(cameras: tuple[Camera, Camera], tracks: Tracks) -> Array | None:
+    """(M,) factor on the noise of each observation; None where no lens is a fisheye."""
+    if all(camera.lens != EQUIDISTANT for camera in cameras):
+        return None
+    by_camera = [ideal_size(camera, tracks.uv) for camera in cameras]
+    return np.where(tracks.camera == RIGHT, by_camera[RIGHT], by_camera[0])
 
 
 def _tracks_of(problem: Problem) -> Tracks:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import so3
-from ...geometry.camera import undistort_pixels
+from ...geometry.camera import ideal_size, in_field, undistort_pixels
 from ...geometry.so3 import Array
 from .epipolar import relative_pose
 from .frames import require_change
@@ -40,7 +40,12 @@ class MatchCounts:
     pairs_verified: int = 0
     pairs_refused: int = 0
     lost: dict[str, int] = field(
-        default_factory=lambda: {"pair refused": 0, "pair geometry": 0, "conflicting tracks": 0}
+        default_factory=lambda: {
+            "outside the field": 0,
+            "pair refused": 0,
+            "pair geometry": 0,
+            "conflicting tracks": 0,
+        }
     )
 
 
@@ -133,8 +138,11 @@ class DescriptorMatcher:
         raw = np.array([k.pt for k in keypoints])
         _, unique = np.unique(raw, axis=0, return_index=True)
         unique.sort()
-        ideal = undistort_pixels((self.geometry.left, self.geometry.right)[camera], raw[unique])
-        return ideal, descriptors[unique]
+        view = (self.geometry.left, self.geometry.right)[camera]
+        seen = in_field(view, raw[unique])
+        self.counts.lost["outside the field"] += int(np.count_nonzero(~seen))
+        unique = unique[seen]
+        return undistort_pixels(view, raw[unique]), descriptors[unique]
 
     def stereo_features(self, left: Image, right: Image) -> _StereoFeatures:
         """Features of one keyframe, matched along epipolar lines and triangulated."""
@@ -168,7 +176,13 @@ class DescriptorMatcher:
         known = first.has_depth[pairs[:, 0]]
         points, uv = first.points_C[pairs[:, 0]], second.uv[pairs[:, 1]]
         pose = estimate_pose(
-            points[known], uv[known], K, self.pose.reprojection_px, self.pose.rounds, self.pose.seed
+            points[known],
+            uv[known],
+            K,
+            self.pose.reprojection_px,
+            self.pose.rounds,
+            self.pose.seed,
+            ideal_size(self.geometry.left, uv[known]),
         )
         if pose is None or pose.n_inliers < self.settings.pair_inliers:
             self.counts.pairs_refused += 1
@@ -177,10 +191,11 @@ class DescriptorMatcher:
         self.counts.pairs_verified += 1
         inverse = np.linalg.inv(K)
         fundamental = inverse.T @ so3.hat(pose.p_CM) @ pose.R_CM @ inverse
-        distance = epipolar_distance(fundamental, first.uv[pairs[:, 0]], uv)
+        sizes = [ideal_size(self.geometry.left, at) for at in (first.uv[pairs[:, 0]], uv)]
+        distance = epipolar_distance(fundamental, first.uv[pairs[:, 0]], uv, *sizes)
         good = distance <= _PAIR_EPIPOLAR_FACTOR * self.stereo.epipolar_px
         error = reprojection_error(K, pose.R_CM, pose.p_CM, points[known], uv[known])
-        good[known] &= error <= _PAIR_EPIPOLAR_FACTOR * self.pose.reprojection_px
+        good[known] &= error / sizes[1][known] <= _PAIR_EPIPOLAR_FACTOR * self.pose.reprojection_px
         self.counts.lost["pair geometry"] += int(np.count_nonzero(~good))
         return pairs[good]
 

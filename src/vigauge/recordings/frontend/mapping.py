@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError
-from ...geometry.camera import Camera
+from ...geometry.camera import Camera, ideal_size
 from ...geometry.so3 import Array
 from .epipolar import length_of_step, relative_pose
 from .pnp import CameraPose, estimate_pose
@@ -183,8 +183,9 @@ def _pose_against(
     ).points_W
     known = np.isfinite(points[track, 0])
     track, uv = track[known], uv[known]
-    K = cameras[LEFT].K
-    return _Attempt(estimate_pose(points[track], uv, K, pose.reprojection_px, pose.rounds, pose.seed), track)
+    K, size = cameras[LEFT].K, ideal_size(cameras[LEFT], uv)
+    found = estimate_pose(points[track], uv, K, pose.reprojection_px, pose.rounds, pose.seed, size)
+    return _Attempt(found, track)
 
 
 def _body_pose(pose: CameraPose, camera: Camera) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geometry.camera import Camera, distort_pixels, undistort_pixels
+from ...geometry.camera import Camera, distort_pixels, in_field, undistort_pixels
 from ...geometry.so3 import Array
 from .frames import require_change
 from .settings import FlowSettings, StereoSettings
@@ -36,6 +36,7 @@ class FlowCounts:
         default_factory=lambda: {
             "optical flow": 0,
             "image border": 0,
+            "outside the field": 0,
             "stereo search": 0,
             "stereo epipolar": 0,
         }
@@ -97,6 +98,8 @@ class FlowTracker:
         self.reference: tuple[Image, Array, NDArray[np.int64]] | None = None
         self.observations: list[Tracks] = []
         self.equaliser = cv2.createCLAHE(_EQUALISER_CLIP, _EQUALISER_TILES)
+        rows, columns = np.indices((geometry.left.height, geometry.left.width))
+        self._in_field = in_field(geometry.left, np.stack([columns, rows], axis=-1))
 
     def equalised(self, image: Image) -> Image:
         """Local histogram equalisation, so that exposure does not matter."""
@@ -112,10 +115,12 @@ class FlowTracker:
     def _follow(self, first: Image, second: Image, points: Array, guess: Array) -> None:
         there, good = _flow(first, second, points, guess, self.flow)
         inside = _inside(there, self.geometry.left, self.flow.border_px)
+        seen = in_field(self.geometry.left, there)
         self.counts.lost["optical flow"] += int(np.count_nonzero(~good))
         self.counts.lost["image border"] += int(np.count_nonzero(good & ~inside))
+        self.counts.lost["outside the field"] += int(np.count_nonzero(good & inside & ~seen))
         self.points = there
-        self._keep(good & inside)
+        self._keep(good & inside & seen)
 
     def _keep(self, keep: NDArray[np.bool_]) -> None:
         self.points, self.track, self.disparity = self.points[keep], self.track[keep], self.disparity[keep]
@@ -152,6 +157,7 @@ class FlowTracker:
         mask = np.zeros(self.image.shape, dtype=np.uint8)
         border = max(flow.border_px, 1)
         mask[border:-border, border:-border] = 255
+        mask[~self._in_field] = 0
         for u, v in np.rint(self.points).astype(int):
             cv2.circle(mask, (int(u), int(v)), int(flow.corner_distance_px), 0, -1)
         corners = cv2.goodFeaturesToTrack(
@@ -162,7 +168,7 @@ class FlowTracker:
         corners = (
             cv2.cornerSubPix(self.image, corners, (3, 3), (-1, -1), _CRITERIA).reshape(-1, 2).astype(float)
         )
-        corners = corners[_inside(corners, camera, flow.border_px)]
+        corners = corners[_inside(corners, camera, flow.border_px) & in_field(camera, corners)]
         self.points = np.concatenate([self.points, corners])
         self.track = np.concatenate([self.track, self.n_tracks + np.arange(len(corners))])
         self.disparity = np.concatenate([self.disparity, np.full(len(corners), np.nan)])
@@ -181,7 +187,7 @@ class FlowTracker:
         there, good = _flow(
             self.image, right, self.points, np.where(found[:, None], guess, self.points), self.flow
         )
-        good &= found & _inside(there, geometry.right, self.flow.border_px)
+        good &= found & _inside(there, geometry.right, self.flow.border_px) & in_field(geometry.right, there)
         uv_right = np.zeros_like(there)
         uv_right[good] = undistort_pixels(geometry.right, there[good])
         on_line = np.zeros(len(good), dtype=bool)

@@ -44,13 +44,20 @@ def reprojection_error(K: Array, R_CM: Array, p_CM: Array, points_M: Array, uv: 
 
 
 def estimate_pose(
-    points_M: Array, uv: Array, K: Array, reprojection_px: float, rounds: int, seed: int = 0
+    points_M: Array,
+    uv: Array,
+    K: Array,
+    reprojection_px: float,
+    rounds: int,
+    seed: int = 0,
+    size: Array | float = 1.0,
 ) -> CameraPose | None:
     """Pose from points (m, 3) m and their ideal pixels (m, 2); None where too few points agree.
 
     RANSAC over minimal sets, then least squares over the inliers, which are chosen anew
     after each refinement. A ``seed`` other than 0 shuffles the points for RANSAC, which draws the same
-    numbers in every call.
+    numbers in every call. ``size`` (m,) are ideal pixels to a measured one (``ideal_size``): of a fisheye,
+    errors far from the axis are larger, and ``reprojection_px`` is in measured ones.
     """
     if len(points_M) < _LEAST_POINTS:
         return None
@@ -72,22 +79,25 @@ def estimate_pose(
         return None
     R_CM, p_CM = so3.exp(rotation.ravel()), translation.ravel()
     for _ in range(_REFINEMENTS):
-        inlier = reprojection_error(K, R_CM, p_CM, points, pixels) <= reprojection_px
+        inlier = reprojection_error(K, R_CM, p_CM, points, pixels) / size <= reprojection_px
         if np.count_nonzero(inlier) < _LEAST_POINTS:
             return None
         rotation, translation = cv2.solvePnPRefineLM(
             points[inlier], pixels[inlier], K, None, so3.log(R_CM)[:, None], p_CM[:, None]
         )
         R_CM, p_CM = so3.exp(rotation.ravel()), translation.ravel()
-        R_CM, p_CM = _to_the_minimum(K, R_CM, p_CM, points[inlier], pixels[inlier])
+        weight = np.broadcast_to(1.0 / np.square(size), inlier.shape)[inlier]
+        R_CM, p_CM = _to_the_minimum(K, R_CM, p_CM, points[inlier], pixels[inlier], weight)
     if not (np.all(np.isfinite(R_CM)) and np.all(np.isfinite(p_CM))):
         return None
-    inlier = reprojection_error(K, R_CM, p_CM, points, pixels) <= reprojection_px
+    inlier = reprojection_error(K, R_CM, p_CM, points, pixels) / size <= reprojection_px
     return CameraPose(R_CM, p_CM, inlier)
 
 
-def _to_the_minimum(K: Array, R_CM: Array, p_CM: Array, points_M: Array, uv: Array) -> tuple[Array, Array]:
-    """A refined pose, to rounding, by Gauss-Newton.
+def _to_the_minimum(
+    K: Array, R_CM: Array, p_CM: Array, points_M: Array, uv: Array, weight: Array
+) -> tuple[Array, Array]:
+    """A refined pose, to rounding, by Gauss-Newton; squared errors have the ``weight`` (m,).
 
     OpenCV compares costs, so it stops some 1e-7 m from the minimum, at another place on another processor:
     enough to turn an inlier into an outlier. It ends early where a point is not in front of the camera.
@@ -98,7 +108,8 @@ def _to_the_minimum(K: Array, R_CM: Array, p_CM: Array, points_M: Array, uv: Arr
             break
         predicted, by_point = project(turned + p_CM, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
         J = np.concatenate([-np.einsum("mij,mjk->mik", by_point, so3.hat(turned)), by_point], axis=2)
-        H, g = np.einsum("mia,mib->ab", J, J), np.einsum("mia,mi->a", J, uv - predicted)
+        weighted = weight[:, None, None] * J
+        H, g = np.einsum("mia,mib->ab", weighted, J), np.einsum("mia,mi->a", weighted, uv - predicted)
         step = np.linalg.lstsq(H, g, rcond=None)[0]
         R_CM, p_CM = so3.exp(step[:3]) @ R_CM, p_CM + step[3:]
     return R_CM, p_CM

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import so3
-from ...geometry.camera import Camera, distort_pixels, undistort_pixels
+from ...geometry.camera import (
+    EQUIDISTANT,
+    Camera,
+    distort_pixels,
+    edge_of_field,
+    ideal_size,
+    undistort_pixels,
+)
 from ...geometry.so3 import Array
 from .settings import StereoSettings
 
@@ -59,12 +66,13 @@ class StereoGeometry:
         return np.linalg.inv(self.right.K).T @ essential @ np.linalg.inv(self.left.K)
 
     def epipolar_distance(self, uv_left: Array, uv_right: Array) -> Array:
-        """(M,) larger distance, in px, of two ideal pixels (M, 2) from each other's epipolar line."""
-        return epipolar_distance(self.fundamental, uv_left, uv_right)
+        """(M,) larger distance, measured px, of two ideal pixels (M, 2) from each other's epipolar line."""
+        sizes = ideal_size(self.left, uv_left), ideal_size(self.right, uv_right)
+        return epipolar_distance(self.fundamental, uv_left, uv_right, *sizes)
 
     @cached_property
     def rectified(self) -> RectifiedView:
-        """The view in which matching points share their row; it holds both images whole."""
+        """The view in which matching points share their row; it holds both images, of a fisheye its field."""
         along = -self.R_RL.T @ self.p_RL  # centre of the right camera in the left one
         x = along / np.linalg.norm(along)
         forward = np.array([0.0, 0.0, 1.0]) + self.R_RL[2]
@@ -94,12 +102,14 @@ class StereoGeometry:
     def _maps(self) -> tuple[tuple[Array, Array], ...]:
         view = self.rectified
         size = (view.width, view.height)
-        return tuple(
-            cv2.initUndistortRectifyMap(
-                camera.K, np.array(camera.distortion), R_VC, view.K_V, size, cv2.CV_32FC1
+        maps = []
+        for camera, R_VC in zip((self.left, self.right), view.R_VC, strict=True):
+            lens = cv2.fisheye if camera.lens == EQUIDISTANT else cv2
+            distortion = np.array(camera.distortion)
+            maps.append(
+                lens.initUndistortRectifyMap(camera.K, distortion, R_VC, view.K_V, size, cv2.CV_32FC1)
             )
-            for camera, R_VC in zip((self.left, self.right), view.R_VC, strict=True)
-        )
+        return tuple(maps)
 
     def rectified_image(self, image: Image, camera: int) -> Image:
         """The image of one camera (0 left, 1 right) seen through the rectified view."""
@@ -118,25 +128,35 @@ class StereoGeometry:
         return self.to_rectified(uv_left, 0)[:, 0] - self.to_rectified(uv_right, 1)[:, 0]
 
 
-def epipolar_distance(fundamental: Array, uv_first: Array, uv_second: Array) -> Array:
-    """(M,) larger of the distances, px, of each point from the epipolar line of the other."""
+def epipolar_distance(
+    fundamental: Array,
+    uv_first: Array,
+    uv_second: Array,
+    size_first: Array | float = 1.0,
+    size_second: Array | float = 1.0,
+) -> Array:
+    """(M,) larger of the distances, px, of each point from the epipolar line of the other.
+
+    ``size_first``, ``size_second`` (M,) divide them: ideal pixels to a measured one (``ideal_size``).
+    """
     first = np.column_stack([uv_first, np.ones(len(uv_first))])
     second = np.column_stack([uv_second, np.ones(len(uv_second))])
     line_second = first @ fundamental.T
     line_first = second @ fundamental
     product = np.abs(np.einsum("ij,ij->i", second, line_second))
     shorter = np.minimum(
-        np.hypot(line_second[:, 0], line_second[:, 1]), np.hypot(line_first[:, 0], line_first[:, 1])
+        size_second * np.hypot(line_second[:, 0], line_second[:, 1]),
+        size_first * np.hypot(line_first[:, 0], line_first[:, 1]),
     )
     return product / np.maximum(shorter, 1e-300)
 
 
 def _rim(camera: Camera) -> Array:
-    """(M, 2) pixels along the border of the raw image."""
+    """(M, 2) pixels along the border of the raw image, or of the field of a fisheye where that is nearer."""
     u, v = np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float)
     sides = [np.column_stack([u, np.full_like(u, end)]) for end in (0.0, camera.height - 1.0)]
     sides += [np.column_stack([np.full_like(v, end), v]) for end in (0.0, camera.width - 1.0)]
-    return np.concatenate(sides)
+    return edge_of_field(camera, np.concatenate(sides))
 
 
 def _through(homography: Array, uv: Array) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 import pycolmap  # isort: skip
 from numpy.typing import NDArray
 
-from ...geometry.camera import Camera
+from ...geometry.camera import Camera, ideal_size
 from ...geometry.so3 import Array
 from .settings import TriangulationSettings
 from .stereo import StereoGeometry
@@ -62,12 +62,14 @@ class Triangulation:
 
 @dataclass(frozen=True)
 class _Views:
-    """Each observation's camera: ``R_CW`` (M, 3, 3), ``p_CW`` (M, 3) m, ray in C, calibration (M, 4)."""
+    """Each observation's camera: ``R_CW`` (M, 3, 3), ``p_CW`` (M, 3) m, ray in C, calibration (M, 4), and
+    ideal pixels to a measured one (M,)."""
 
     R_CW: Array
     p_CW: Array
     ray_C: Array
     calibration: Array
+    size: Array
 
     @classmethod
     def of(cls, cameras: tuple[Camera, ...], p_W: Array, R_WB: Array, tracks: Tracks) -> _Views:
@@ -81,16 +83,20 @@ class _Views:
         )
         ray /= np.linalg.norm(ray, axis=1)[:, None]
         R_CW = R_WC.swapaxes(1, 2)
-        return cls(R_CW, -np.einsum("mij,mj->mi", R_CW, p_WC), ray, calibration)
+        size = np.ones(len(tracks.uv))
+        for index, camera in enumerate(cameras):
+            its = tracks.camera == index
+            size[its] = ideal_size(camera, tracks.uv[its])
+        return cls(R_CW, -np.einsum("mij,mj->mi", R_CW, p_WC), ray, calibration, size)
 
     def depth_and_error(self, points_W: Array, uv: Array) -> tuple[Array, Array]:
-        """Depth (M,) m and reprojection error (M,) px (infinite behind the camera) of points (M, 3)."""
+        """Depth (M,) m and reprojection error (M,) of points (M, 3), measured px; infinite behind."""
         points_C = np.einsum("mij,mj->mi", self.R_CW, points_W) + self.p_CW
         depth = points_C[:, 2]
         ahead = depth > 1e-9
         xy = points_C[:, :2] / np.where(ahead, depth, 1.0)[:, None]
         predicted = xy * self.calibration[:, :2] + self.calibration[:, 2:]
-        return depth, np.where(ahead, np.linalg.norm(predicted - uv, axis=1), np.inf)
+        return depth, np.where(ahead, np.linalg.norm(predicted - uv, axis=1) / self.size, np.inf)
 
 
 def parallax(rays_W: Array, track: Index, n_tracks: int) -> Array:
