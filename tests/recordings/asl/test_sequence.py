@@ -46,6 +46,14 @@ def test_valid_folder_is_read_whole(sequence_folder):
     assert image.shape == (30, 40)
 
 
+def test_folder_without_cam1_is_of_one_camera(sequence_folder):
+    """Catches a second camera made up, or frames counted as lost for want of a partner."""
+    shutil.rmtree(sequence_folder / "mav0" / "cam1")
+    sequence = read_sequence(sequence_folder)
+    assert len(sequence.cameras) == 1 and sequence.frames.right == ()
+    assert sequence.frames.t_ns.tolist() == FRAME_NS and sequence.frames.n_dropped == 0
+
+
 def test_folder_without_mav0_is_refused(tmp_path):
     """Catches a traceback about some file deep inside where the folder itself is wrong."""
     assert "mav0" in refused(tmp_path / "nowhere").file

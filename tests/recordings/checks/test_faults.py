@@ -351,6 +351,19 @@ def test_fisheye_recording_is_checked(fisheye_folder: Path, tmp_path: Path) -> N
     assert check(spoilt).exit_status == 2
 
 
+def test_recording_of_one_camera_is_checked(fisheye_folder: Path, tmp_path: Path) -> None:
+    """A second camera asked for that nobody has; or turns, clocks and axes not compared without it."""
+    one = Path(shutil.copytree(fisheye_folder, tmp_path / "one"))
+    shutil.rmtree(one / "mav0" / "cam1")
+    found = check(one)
+    assert found.exit_status == 0, found.lines()
+    assert "the inertial sensor alone has to tell the scale" in found.skipped["stereo"]
+    assert found.facts["camera against gyro"]["scale"] == pytest.approx(1.0, abs=0.05)
+    edit_rows(one, "imu0", scale(slice(1, 4), 2.5))
+    (message,) = messages(check(one, truths=[]), "error")
+    assert "[gyro units]" in message
+
+
 def test_window_without_images_counts_from_the_first_sample(inertial_folder: Path) -> None:
     found = check(inertial_folder, window=Window(start_s=1.0, end_s=2.5))
     assert found.exit_status == 0, found.lines()

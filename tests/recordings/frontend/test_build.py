@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -91,6 +92,35 @@ def test_fisheye_is_as_good(tracker: str, fisheye_folder: Path) -> None:
     error = np.linalg.norm(visual_residual(problem, solve(problem, FreeGauge()).state), axis=1)
     assert np.median(error[angle > 50.0]) < 2.0 * np.median(error[angle < 30.0])
     assert run.report.tracking_lost["outside the field"] > 0
+
+
+def without_second_camera(folder: Path, target: Path) -> Path:
+    """The recording of a folder as one camera would have made it."""
+    shutil.copytree(folder, target, copy_function=os.link)
+    shutil.rmtree(target / "mav0" / "cam1")
+    return target
+
+
+@pytest.mark.parametrize("biases", ["aligned", "constant"])
+def test_one_camera_gets_its_scale_from_the_inertial_sensor(
+    biases: str, fisheye_folder: Path, tmp_path: Path
+) -> None:
+    """A map in units of its own taken for metres, a lever between camera and body that is scaled too, or
+    a sigma of the scale that means nothing."""
+    sequence = read_sequence(without_second_camera(fisheye_folder, tmp_path / "one"))
+    assert len(sequence.cameras) == 1
+    truth = read_ground_truth(fisheye_folder / "mav0" / "state_groundtruth_estimate0")
+    run = run_front_end(sequence, truth, {**FLOW, "keyframes": {"count": 10}, "biases": biases})
+    assert set(run.problem.obs_camera.tolist()) == {0} and run.report.stereo_tried == 0
+    sigma = run.report.aligned["scale_sigma"]
+
+    def size(p_W: np.ndarray) -> float:
+        return float(np.linalg.norm(p_W - p_W.mean(axis=0)))
+
+    ratio = size(run.problem.initial.p_W) / size(run.truth.p_W)
+    assert 0.0 < sigma < 0.05 and abs(ratio - 1.0) < 3.0 * sigma + 0.005
+    end = trajectory_errors(solve(run.problem.with_noise(0.3, 1.0), FreeGauge()).state, run.truth)
+    assert end.p_rmse_m < 0.02 and end.phi_rmse_deg < (0.5 if biases == "aligned" else 0.1)
 
 
 @pytest.mark.slow

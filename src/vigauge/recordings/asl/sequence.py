@@ -1,4 +1,4 @@
-"""A visual-inertial sequence in ASL layout: ``mav0/{cam0,cam1,imu0}``, validated as it is read."""
+"""A visual-inertial sequence in ASL layout: ``mav0/{cam0,cam1,imu0}``, cam1 or not; checked as it is read."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _LARGEST_RATE_RADPS = 40.0
 
 @dataclass(frozen=True)
 class StereoFrames:
-    """Image files of both cameras.
+    """Image files of both cameras, or of the one that there is.
 
     Attributes
     ----------
     t_ns : (F,) int64 stamps of the left camera, strictly increasing
-    left, right : F paths each
+    left, right : F paths each; ``right`` is empty where there is one camera
     dropped_ns : (D,) int64 stamps of left frames without a right one, which are not in the lists
     n_unsorted : rows of both lists that were out of order and have been sorted
     """
@@ -56,8 +56,8 @@ class Sequence:
     ----------
     name : name of the folder
     folder : the folder that contains ``mav0``
-    cameras : left and right
-    frames : stereo image files
+    cameras : left and right, or the only one
+    frames : image files
     imu : samples as recorded, biases in
     imu_noise : densities as published in ``imu0/sensor.yaml``
     n_repeated_imu : identical repeated inertial rows that were left out
@@ -66,7 +66,7 @@ class Sequence:
 
     name: str
     folder: Path
-    cameras: tuple[Camera, Camera]
+    cameras: tuple[Camera, ...]
     frames: StereoFrames
     imu: ImuSamples
     imu_noise: ImuNoise
@@ -77,8 +77,8 @@ class Sequence:
 def read_sequence(folder: Path, *, sort: bool = False) -> Sequence:
     """Read a folder that contains ``mav0``; images are checked for existence, not opened.
 
-    ``sort`` puts rows of ``data.csv`` files in order of time; without it, rows out of order
-    are an error.
+    A recording without a folder ``cam1`` is one of one camera. ``sort`` puts rows of ``data.csv`` files in
+    order of time; without it, rows out of order are an error.
 
     Raises
     ------
@@ -89,9 +89,9 @@ def read_sequence(folder: Path, *, sort: bool = False) -> Sequence:
     mav = folder / "mav0"
     if not mav.is_dir():
         raise DataError(mav, "sequence folder must exist and contain mav0")
-    cameras = (read_camera(mav / "cam0" / "sensor.yaml"), read_camera(mav / "cam1" / "sensor.yaml"))
-    baseline = float(np.linalg.norm(cameras[1].p_BC - cameras[0].p_BC))
-    if baseline < _LEAST_BASELINE_M:
+    cameras = tuple(read_camera(mav / name / "sensor.yaml") for name in camera_names(mav))
+    baseline = float(np.linalg.norm(cameras[-1].p_BC - cameras[0].p_BC))
+    if len(cameras) == 2 and baseline < _LEAST_BASELINE_M:
         rule = "the two cameras must be apart"
         raise DataError(mav / "cam1" / "sensor.yaml", rule, field="T_BS", value=f"{baseline} m")
     imu, imu_table = read_imu(mav / "imu0" / "data.csv", sort)
@@ -107,9 +107,18 @@ def read_sequence(folder: Path, *, sort: bool = False) -> Sequence:
     )
 
 
+def camera_names(mav: Path) -> tuple[str, ...]:
+    """cam0 and cam1, or cam0 alone where there is no folder cam1."""
+    return ("cam0", "cam1") if (mav / "cam1").exists() else ("cam0",)
+
+
 def read_frames(mav: Path, sort: bool = False) -> StereoFrames:
-    """Stereo frames of ``mav0``; images are checked for existence, not opened. DataError as above."""
+    """Frames of ``mav0``; images are checked for existence, not opened. DataError as above."""
     left = read_table(mav / "cam0" / "data.csv", (2,), sort=sort)
+    if len(camera_names(mav)) == 1:
+        rows = np.arange(len(left.t_ns))
+        none = np.empty(0, dtype=np.int64)
+        return StereoFrames(left.t_ns, _image_paths(left, rows), (), none, left.n_unsorted)
     right = read_table(mav / "cam1" / "data.csv", (2,), sort=sort)
     partner, distance = nearest_index(right.t_ns, left.t_ns)
     paired = np.flatnonzero(distance <= STEREO_TOLERANCE_NS)

@@ -37,13 +37,16 @@ STILL_SHARE, _LEAST_MOVING = 0.2, 2
 _DEGREES = 180.0 / np.pi
 
 
-def check_calibration(cameras: tuple[Camera, Camera], out: Findings) -> None:
-    """Facts on both cameras and the distance between them."""
-    baseline = float(np.linalg.norm(cameras[1].p_BC - cameras[0].p_BC))
+def check_calibration(cameras: tuple[Camera, ...], out: Findings) -> None:
+    """Facts on the cameras and the distance between the two, where there are two."""
     left = cameras[0]
-    out.fact(
-        "calibration", baseline_m=baseline, image_px=[left.width, left.height], focal_px=[left.fx, left.fy]
-    )
+    about: dict[str, object] = {"image_px": [left.width, left.height], "focal_px": [left.fx, left.fy]}
+    if len(cameras) == 1:
+        out.fact("calibration", lens=left.lens, **about)
+        out.skip("stereo", "there is no cam1: the inertial sensor alone has to tell the scale")
+        return
+    baseline = float(np.linalg.norm(cameras[1].p_BC - cameras[0].p_BC))
+    out.fact("calibration", baseline_m=baseline, lens=left.lens, **about)
     if not POSSIBLE_BASELINE_M[0] <= baseline <= POSSIBLE_BASELINE_M[1]:
         out.error(
             "baseline",
@@ -93,6 +96,10 @@ def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings
             "bright, blurred or covered",
         )
         return
+    if sample.clipped > CLIPPED_SHARE:
+        out.warn("exposure", f"{100 * sample.clipped:.0f} % of the pixels are black or white")
+    if not sample.is_pair:
+        return
     if sample.matches < LEAST_MATCHES:
         out.error(
             "stereo",
@@ -141,8 +148,6 @@ def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings
             f"the cameras are exposed differently: mean grey {sample.grey_left:.0f} left, "
             f"{sample.grey_right:.0f} right",
         )
-    if sample.clipped > CLIPPED_SHARE:
-        out.warn("exposure", f"{100 * sample.clipped:.0f} % of the pixels are black or white")
 
 
 def check_motion(
@@ -247,7 +252,7 @@ def _judge_units_and_axes(fit: TurnFit, turns: Turns, out: Findings) -> bool:
             "extrinsics",
             f"the camera turns about axes {fit.axes_deg:.1f} deg from those of the gyroscope "
             f"(limit {AXES_ERROR_DEG:g}; {100 * left_over:.0f} % of its turns are left over): "
-            "T_BS must take camera to body coordinates",
+            "T_BS must take camera to body coordinates, and distortion_model must be that of the lens",
         )
         return False
     if fit.axes_deg > AXES_WARNING_DEG:

@@ -17,9 +17,9 @@ from ...geometry.so3 import Array
 from ...model.imu import ImuNoise, ImuSamples
 from ..asl.calibration import read_camera, read_imu_noise, read_sensor_yaml
 from ..asl.ground_truth import read_ground_truth, truth_folders
-from ..asl.sequence import Sequence, StereoFrames, read_frames, read_imu
+from ..asl.sequence import Sequence, StereoFrames, camera_names, read_frames, read_imu
 from ..frontend.opencv import one_thread
-from ..frontend.tracks import LEFT, RIGHT
+from ..frontend.tracks import LEFT
 from .findings import Findings
 from .inertial import check_gravity, check_noise, find_rest
 from .rig import check_calibration, check_frozen, check_motion, check_stereo
@@ -54,7 +54,7 @@ class Window:
 class _Parts:
     """What could be read of a folder; None where it could not."""
 
-    cameras: tuple[Camera | None, Camera | None]
+    cameras: tuple[Camera | None, ...]
     noise: ImuNoise | None
     imu: ImuSamples | None
     frames: StereoFrames | None
@@ -146,17 +146,18 @@ def _read_imu(mav: Path, sort: bool, out: Findings) -> tuple[ImuNoise | None, Im
 
 
 def _read_parts(mav: Path, sort: bool, out: Findings) -> _Parts:
-    cameras = [
+    cameras = tuple(
         _try(out, "calibration", partial(read_camera, mav / name / "sensor.yaml"))
-        for name in ("cam0", "cam1")
-    ]
+        for name in camera_names(mav)
+    )
     noise, imu = _read_imu(mav, sort, out)
     frames = _try(out, "frames", partial(read_frames, mav, sort))
     if frames is not None:
         _warn_of_order("frames", frames.n_unsorted, out)
-    if cameras[0] is not None and cameras[1] is not None:
-        check_calibration((cameras[0], cameras[1]), out)
-    return _Parts((cameras[0], cameras[1]), noise, imu, frames)
+    known = tuple(camera for camera in cameras if camera is not None)
+    if known == cameras:
+        check_calibration(known, out)
+    return _Parts(cameras, noise, imu, frames)
 
 
 def _check_stamps(
@@ -224,17 +225,17 @@ def _check_contents(
     if parts.noise is not None:
         check_noise(parts.noise, imu, out)
     fit = None
-    left, right = parts.cameras
-    if left is None or right is None or parts.noise is None:
+    cameras = tuple(camera for camera in parts.cameras if camera is not None)
+    if cameras != parts.cameras or parts.noise is None:
         for check in ("images", "camera against gyro"):
             out.skip(check, "the calibration could not be read")
     else:
-        sequence = Sequence(out.sequence, folder, (left, right), frames, imu, parts.noise)
-        check_spacing(frames.t_ns[inside], left, gyro, out)
-        frozen, frozen_right = (find_frozen(sequence, inside, camera) for camera in (LEFT, RIGHT))
-        check_frozen("cam0", frames.t_ns[frozen].tolist(), out)
-        check_frozen("cam1", frames.t_ns[frozen_right].tolist(), out)
-        sample = ImageSample(sequence, np.setdiff1d(inside, frozen), effort)
+        sequence = Sequence(out.sequence, folder, cameras, frames, imu, parts.noise)
+        check_spacing(frames.t_ns[inside], cameras[LEFT], gyro, out)
+        frozen = [find_frozen(sequence, inside, camera) for camera in range(len(cameras))]
+        for name, its in zip(("cam0", "cam1"), frozen, strict=False):
+            check_frozen(name, frames.t_ns[its].tolist(), out)
+        sample = ImageSample(sequence, np.setdiff1d(inside, frozen[LEFT]), effort)
         with one_thread():
             stereo = _try(out, "images", sample.stereo)
             if stereo is not None:

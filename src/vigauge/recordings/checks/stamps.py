@@ -110,7 +110,9 @@ def check_coverage(name: str, t_ns: NDArray[np.int64], frames_ns: NDArray[np.int
 
 
 def check_partners(frames: StereoFrames, first_ns: int, last_ns: int, out: Findings) -> None:
-    """Left frames without a right one."""
+    """Left frames without a right one, where there are two cameras."""
+    if not frames.right:
+        return
     inside = (frames.dropped_ns >= first_ns) & (frames.dropped_ns <= last_ns)
     missing = frames.dropped_ns[inside]
     out.fact("cam1", missing_frames=len(missing))

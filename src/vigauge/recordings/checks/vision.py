@@ -15,6 +15,7 @@ from ...geometry.so3 import Array
 from ..asl.images import read_image
 from ..asl.sequence import Sequence
 from ..frontend.descriptor_matching import DescriptorMatcher, mutual_matches, squared_distances
+from ..frontend.epipolar import relative_pose
 from ..frontend.pnp import estimate_pose
 from ..frontend.settings import DescriptorSettings, PoseSettings, StereoSettings
 from ..frontend.stereo import Image, StereoGeometry
@@ -57,7 +58,7 @@ class StereoSample:
     epipolar_px : distance of these matches from their epipolar lines; NaN without matches
     disparity_px : rectified disparity of those near their line, which is positive in front
         of the cameras; NaN without any
-    grey_left, grey_right : mean grey level of 0..255
+    grey_left, grey_right : mean grey level of 0..255; NaN right where there is one camera
     contrast : standard deviation of the grey levels of the left image
     clipped : share of pixels of either image that are black or white
     frame_ns, frame_epipolar_px : (frames,) the stamp of each and the median distance of its own matches; NaN
@@ -77,6 +78,11 @@ class StereoSample:
     frame_ns: NDArray[np.int64]
     frame_epipolar_px: Array
     slips: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def is_pair(self) -> bool:
+        """Whether there are two cameras."""
+        return not np.isnan(self.grey_right)
 
 
 def _spread(n: int, most: int) -> list[int]:
@@ -108,7 +114,7 @@ class ImageSample:
 
     def __init__(self, sequence: Sequence, frames: NDArray[np.int64], effort: Effort) -> None:
         self.sequence, self.frames, self.effort = sequence, frames, effort
-        self.geometry = StereoGeometry(*sequence.cameras)
+        self.geometry = StereoGeometry.of(sequence.cameras)
         self._matches: list[tuple[Array, Array]] = []
         self._matcher = DescriptorMatcher(self.geometry, _FEATURES, StereoSettings(), PoseSettings())
         self._detected = lru_cache(maxsize=4)(self._detect)
@@ -157,13 +163,18 @@ class ImageSample:
         return tuple(found)
 
     def _stereo_of(self, frame: int) -> tuple[Array, Array, list[float]]:
+        if not self.geometry.is_pair:
+            image, none = self.read(frame, LEFT), np.empty(0)
+            features = float(len(self._detected(frame, LEFT)[0]))
+            light = [float(image.mean()), np.nan, float(image.std()), _clipped(image)]
+            return none, none, [features, np.nan, *light]
         images = self.read(frame, LEFT), self.read(frame, RIGHT)
         (uv, descriptors), (uv_R, descriptors_R) = self._detected(frame, LEFT), self._detected(frame, RIGHT)
         pairs = mutual_matches(squared_distances(descriptors, descriptors_R), _RATIO)
         uv, uv_R = uv[pairs[:, 0]], uv_R[pairs[:, 1]]
         self._matches.append((uv, uv_R))
         grey = [float(image.mean()) for image in images]
-        clipped = float(np.mean([np.mean((image <= _DARK) | (image >= _BRIGHT)) for image in images]))
+        clipped = float(np.mean([_clipped(image) for image in images]))
         numbers = [float(len(descriptors)), float(len(pairs)), *grey, float(images[0].std()), clipped]
         return self.geometry.epipolar_distance(uv, uv_R), self.geometry.disparity(uv, uv_R), numbers
 
@@ -210,6 +221,8 @@ class ImageSample:
 
     def _turn(self, first: int, second: int) -> tuple[Array, float] | None:
         """Rotation vector of R_C1C2 and the median motion of points, px; None without a good pose."""
+        if not self.geometry.is_pair:
+            return self._turn_of_one(first, second)
         left, right, later = (
             self._detected(first, LEFT),
             self._detected(first, RIGHT),
@@ -231,6 +244,22 @@ class ImageSample:
             return None
         motion = np.linalg.norm(after - before, axis=1)[pose.inlier]
         return so3.log(pose.R_CM.T), float(np.median(motion))
+
+    def _turn_of_one(self, first: int, second: int) -> tuple[Array, float] | None:
+        """The same from one camera, by matches alone."""
+        left, later = self._detected(first, LEFT), self._detected(second, LEFT)
+        pairs = mutual_matches(squared_distances(left[1], later[1]), _RATIO)
+        before, after = left[0][pairs[:, 0]], later[0][pairs[:, 1]]
+        step = relative_pose(before, after, self.geometry.left.K, StereoSettings().epipolar_px)
+        if step is None or np.count_nonzero(step[2]) < _LEAST_INLIERS:
+            return None
+        motion = np.linalg.norm(after - before, axis=1)[step[2]]
+        return so3.log(step[0].T), float(np.median(motion))
+
+
+def _clipped(image: Image) -> float:
+    """Share of the pixels that are black or white."""
+    return float(np.mean((image <= _DARK) | (image >= _BRIGHT)))
 
 
 def _posed_as(camera: Camera, other: Camera) -> Camera:

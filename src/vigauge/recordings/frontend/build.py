@@ -1,15 +1,15 @@
 """From a sequence to a problem: tracking, poses, gravity, landmarks, inertial factors.
 
 Ground truth gives the biases and nothing else, or nothing at all (setting ``biases``: aligned). The start
-that comes out is the front-end's own: PnP poses, velocities and gravity by alignment, triangulated landmarks.
-Solving serves here only to find outliers; its estimate is thrown away.
+that comes out is the front-end's own: PnP poses, velocities and gravity by alignment, of one camera the scale
+too, triangulated landmarks. Solving serves here only to find outliers; its estimate is thrown away.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from collections.abc import Sequence as SequenceOf
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,18 +38,21 @@ from .inertial import (
 )
 from .initialisation import GravityAlignment, align_with_gravity
 from .mapping import Map, pose_keyframes
+from .monocular import pose_up_to_scale
 from .opencv import one_thread
 from .optical_flow import FlowCounts, track_by_flow
 from .outliers import Inliers, find_inliers
 from .report import FrontEndReport
 from .settings import FrontEndSettings
 from .stereo import Image, StereoGeometry
-from .tracks import RIGHT, Tracks
+from .tracks import LEFT, RIGHT, Tracks
 from .triangulation import Triangulation, triangulate
 
 # The problem is built with the noise as published; who uses it says what to believe
 # (``Problem.with_noise``).
 SIGMA_PX = 1.0
+# What a known accelerometer bias, which wanders, may still be off by over a window.
+_KNOWN_BIAS_SIGMA_MPS2 = 0.01
 
 
 @dataclass(frozen=True)
@@ -90,16 +93,16 @@ def build_problem(
     known = _known_biases(biases, settings, int(t_ns[0]))
     with one_thread():
         tracks, counts = _track(sequence, keyframes, known, settings, progress)
-        mapped = pose_keyframes(
-            sequence.cameras, tracks, len(keyframes), settings.pose, settings.triangulation
-        )
+        mapped = _map(sequence.cameras, tracks, len(keyframes), settings)
     alignment: Alignment | GravityAlignment
-    if isinstance(known, KnownBiases):
+    if isinstance(known, KnownBiases) and len(sequence.cameras) == 2:
         factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
         alignment = align_with_gravity(mapped.p_M, mapped.R_MB, factors, settings.gravity_mps2)
     else:
-        alignment = _align(sequence, t_ns, mapped, settings)
-        known = ConstantBiases(alignment.gyro_bias, alignment.accel_bias)
+        alignment = _align(sequence, t_ns, mapped, settings, known)
+        mapped = _metric(mapped, sequence.cameras, alignment.scale)
+        if not isinstance(known, KnownBiases):
+            known = ConstantBiases(alignment.gyro_bias, alignment.accel_bias)
         factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
     start = _upright(mapped, alignment)
 
@@ -137,16 +140,38 @@ def _known_biases(truth: GroundTruth | None, settings: FrontEndSettings, first_n
     return KnownBiases(truth, settings.biases, first_ns)
 
 
-def _align(sequence: Sequence, t_ns: NDArray[np.int64], mapped: Map, settings: FrontEndSettings) -> Alignment:
-    """Biases, gravity and motion without truth, at the noise that the outlier rounds believe in too."""
+def _map(cameras: tuple[Camera, ...], tracks: Tracks, n_keyframes: int, settings: FrontEndSettings) -> Map:
+    """Poses of the keyframes by sight alone; of one camera, those of the camera and up to scale."""
+    if len(cameras) == 2:
+        return pose_keyframes(cameras, tracks, n_keyframes, settings.pose, settings.triangulation)
+    rules = settings.pose, settings.triangulation, settings.outliers
+    return pose_up_to_scale(cameras[LEFT], tracks, n_keyframes, *rules)
+
+
+def _metric(mapped: Map, cameras: tuple[Camera, ...], scale: float) -> Map:
+    """The map in metres, its poses those of the body: a map up to scale has the camera's."""
+    if len(cameras) == 2:
+        return mapped
+    p_M = scale * mapped.p_M - mapped.R_MB @ cameras[LEFT].p_BC
+    return replace(mapped, p_M=p_M - p_M[0])
+
+
+def _align(
+    sequence: Sequence, t_ns: NDArray[np.int64], mapped: Map, settings: FrontEndSettings, biases: Biases
+) -> Alignment:
+    """Gravity, motion, biases and, of one camera, scale, at the noise that the outlier rounds believe in."""
+    known = isinstance(biases, KnownBiases)
+    alone = len(sequence.cameras) == 1
     return align(
         mapped.p_M,
         mapped.R_MB,
-        sequence.imu,
+        sequence.imu.corrected(*biases.between(int(t_ns[0]), int(t_ns[-1]))),
         t_ns,
         sequence.imu_noise.scaled(settings.outliers.density_factor),
         settings.gravity_mps2,
-        accel_bias_sigma=settings.accel_bias_sigma_mps2,
+        p_B=sequence.cameras[LEFT].p_BC if alone else np.zeros(3),
+        scale=alone,
+        accel_bias_sigma=_KNOWN_BIAS_SIGMA_MPS2 if known else settings.accel_bias_sigma_mps2,
         largest_gap_s=ANY_GAP_S,
     )
 
@@ -159,7 +184,7 @@ def _track(
     progress: bool,
 ) -> tuple[Tracks, FlowCounts | MatchCounts]:
     """Tracks over the keyframes by the tracker that the settings name."""
-    geometry = StereoGeometry(*sequence.cameras)
+    geometry = StereoGeometry.of(sequence.cameras)
     paths = (sequence.frames.left, sequence.frames.right)
 
     def read(frame: int, camera: int) -> Image:
@@ -186,7 +211,7 @@ def _upright(mapped: Map, alignment: Alignment | GravityAlignment) -> _Start:
 
 
 def _problem(
-    cameras: tuple[Camera, Camera],
+    cameras: tuple[Camera, ...],
     start: _Start,
     tracks: Tracks,
     triangulation: Triangulation,
@@ -212,12 +237,12 @@ def _problem(
     )
 
 
-def _noise_of(cameras: tuple[Camera, Camera], tracks: Tracks) -> Array | None:
+def _noise_of(cameras: tuple[Camera, ...], tracks: Tracks) -> Array | None:
     """(M,) factor on the noise of each observation; None where no lens is a fisheye."""
     if all(camera.lens != EQUIDISTANT for camera in cameras):
         return None
     by_camera = [ideal_size(camera, tracks.uv) for camera in cameras]
-    return np.where(tracks.camera == RIGHT, by_camera[RIGHT], by_camera[0])
+    return np.where(tracks.camera == RIGHT, by_camera[-1], by_camera[LEFT])
 
 
 def _tracks_of(problem: Problem) -> Tracks:

@@ -1,8 +1,8 @@
-"""SIFT matching between sparse stereo keyframes: left to right, and to earlier keyframes.
+"""SIFT matching between sparse keyframes: left to right, of two cameras, and to earlier keyframes.
 
 Every pair of keyframes is verified on its own: points with stereo depth in the one fix the
 pose of the other (PnP RANSAC), and with that pose all other matches must fit the epipolar lines.
-Where keyframes are far apart, the lines alone verify a pair.
+Where keyframes are far apart, or there is one camera, the lines alone verify a pair.
 """
 
 from __future__ import annotations
@@ -144,10 +144,14 @@ class DescriptorMatcher:
         unique = unique[seen]
         return undistort_pixels(view, raw[unique]), descriptors[unique]
 
-    def stereo_features(self, left: Image, right: Image) -> _StereoFeatures:
-        """Features of one keyframe, matched along epipolar lines and triangulated."""
+    def stereo_features(self, left: Image, right: Image | None) -> _StereoFeatures:
+        """Features of one keyframe, matched along epipolar lines and triangulated where it has two images."""
         geometry = self.geometry
         uv, descriptors = self.detect(left, LEFT)
+        if right is None:
+            return _StereoFeatures(
+                uv, descriptors, np.full((len(uv), 2), np.nan), np.full((len(uv), 3), np.nan)
+            )
         uv_R, descriptors_R = self.detect(right, RIGHT)
         squared = squared_distances(descriptors, descriptors_R)
         V_left, V_right = geometry.to_rectified(uv, LEFT), geometry.to_rectified(uv_R, RIGHT)
@@ -171,7 +175,7 @@ class DescriptorMatcher:
         """(P, 2) matches between the left images of two keyframes that fit one relative pose."""
         pairs = mutual_matches(squared_distances(first.descriptors, second.descriptors), self.settings.ratio)
         K = self.geometry.left.K
-        if self.wide:
+        if self.wide or not self.geometry.is_pair:
             return self._along_lines(first, second, pairs)
         known = first.has_depth[pairs[:, 0]]
         points, uv = first.points_C[pairs[:, 0]], second.uv[pairs[:, 1]]
@@ -220,7 +224,7 @@ def track_by_descriptors(
     stereo: StereoSettings,
     pose: PoseSettings,
 ) -> tuple[Tracks, MatchCounts]:
-    """Tracks over stereo keyframes; ``read`` gives the raw image of (frame, camera).
+    """Tracks over keyframes; ``read`` gives the raw image of (frame, camera).
 
     Where a keyframe has fewer than ``descriptors.sure_matches`` matches with every one of those just
     before it, all are matched anew: with more features, and against earlier ones until enough match.
@@ -267,7 +271,8 @@ def _match(
     for number, frame in enumerate(keyframes):
         left = read(frame, LEFT)
         before = require_change(before, left, frame)
-        here = matcher.stereo_features(left, read(frame, RIGHT))
+        right = read(frame, RIGHT) if matcher.geometry.is_pair else None
+        here = matcher.stereo_features(left, right)
         best = 0
         for earlier in reversed(range(number)):
             if number - earlier > look_back and best >= sure:

@@ -65,14 +65,15 @@ def _shifted(frames: StereoFrames, offset_ns: int) -> StereoFrames:
 
 
 def _subset(frames: StereoFrames, rows: NDArray[np.intp]) -> StereoFrames:
-    left, right = (tuple(paths[k] for k in rows) for paths in (frames.left, frames.right))
+    left, right = (tuple(paths[k] for k in rows) if paths else () for paths in (frames.left, frames.right))
     return replace(frames, t_ns=frames.t_ns[rows], left=left, right=right)
 
 
 def _contrast(sequence: Sequence, row: int) -> float:
-    """Deviation of the grey levels of the flatter image of a stereo frame."""
-    pair = zip((sequence.frames.left[row], sequence.frames.right[row]), sequence.cameras, strict=True)
-    return min(float(read_image(path, camera).std()) for path, camera in pair)
+    """Deviation of the grey levels of the flatter image of a frame."""
+    paths = [paths[row] for paths in (sequence.frames.left, sequence.frames.right) if paths]
+    images = map(read_image, paths, sequence.cameras)
+    return min(float(image.std()) for image in images)
 
 
 def _require_few(skipped: dict[str, int], most: int, begin_ns: int, end_ns: int) -> None:

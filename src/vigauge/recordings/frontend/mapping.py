@@ -5,6 +5,7 @@ Poses are in the frame M of the map: the body at the first keyframe.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,11 +43,12 @@ class Map:
 
 
 def pose_keyframes(
-    cameras: tuple[Camera, Camera],
+    cameras: tuple[Camera, ...],
     tracks: Tracks,
     n_keyframes: int,
     pose: PoseSettings,
     triangulation: TriangulationSettings,
+    start: Mapping[int, tuple[Array, Array]] | None = None,
 ) -> Map:
     """Poses of all keyframes by PnP RANSAC of the left camera.
 
@@ -54,7 +56,8 @@ def pose_keyframes(
     which are the last ones, and from more where fewer than ``pose.sure_inliers`` agree.
     A map that keeps its points for good gives a somewhat better start, but refuses
     observations for disagreeing with the map's own old errors, and what it leaves is biased
-    towards the start.
+    towards the start. ``start`` are (p_M, R_MB) of keyframes that are posed already; None: the first, at
+    the origin.
 
     Raises
     ------
@@ -64,11 +67,15 @@ def pose_keyframes(
     p_M, R_MB = np.zeros((n_keyframes, 3)), np.tile(np.eye(3), (n_keyframes, 1, 1))
     tried, inliers = np.zeros(n_keyframes, dtype=np.int64), np.zeros(n_keyframes, dtype=np.int64)
     keep = np.ones(len(tracks.track), dtype=bool)
-    waiting = list(range(1, n_keyframes))
-    posed = np.arange(n_keyframes) == 0
+    start = {0: (np.zeros(3), np.eye(3))} if start is None else start
+    posed = np.zeros(n_keyframes, dtype=bool)
+    for k, (p, R) in start.items():
+        p_M[k], R_MB[k], posed[k] = p, R, True
+    waiting = [k for k in range(n_keyframes) if k not in start]
     while waiting:
-        # In order of time; one that fails waits until a later one gives it points.
-        for k in waiting:
+        # From the posed ones outwards, in order of time; one that fails waits until others give it points.
+        there = np.flatnonzero(posed)
+        for k in sorted(waiting, key=lambda k: (int(np.abs(there - k).min()), k)):
             attempt = _best_attempt(cameras, p_M, R_MB, tracks.where(keep), posed, k, pose, triangulation)
             tried[k], inliers[k] = len(attempt.track), attempt.n_inliers
             if attempt.found is not None and inliers[k] >= pose.inliers:
@@ -103,7 +110,7 @@ class _Attempt:
 
 
 def _best_attempt(
-    cameras: tuple[Camera, Camera],
+    cameras: tuple[Camera, ...],
     p_M: Array,
     R_MB: Array,
     tracks: Tracks,
@@ -164,7 +171,7 @@ def _pose_beside(
 
 
 def _pose_against(
-    cameras: tuple[Camera, Camera],
+    cameras: tuple[Camera, ...],
     p_M: Array,
     R_MB: Array,
     tracks: Tracks,

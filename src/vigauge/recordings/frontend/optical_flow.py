@@ -1,7 +1,7 @@
 """Corners followed by pyramidal optical flow, from frame to frame and from left to right.
 
-For contiguous stereo sequences. The inertial sensor's rotation between frames tells where
-to start the search, and correlation along the rectified row tells the disparity.
+For contiguous sequences. The inertial sensor's rotation between frames tells where to start the
+search, and correlation along the rectified row tells the disparity, where there are two cameras.
 """
 
 from __future__ import annotations
@@ -125,15 +125,16 @@ class FlowTracker:
     def _keep(self, keep: NDArray[np.bool_]) -> None:
         self.points, self.track, self.disparity = self.points[keep], self.track[keep], self.disparity[keep]
 
-    def keyframe(self, index: int, right: Image) -> None:
-        """Make the current frame keyframe ``index``; ``right`` is its (equalised) right image."""
+    def keyframe(self, index: int, right: Image | None) -> None:
+        """Make the current frame keyframe ``index``; ``right`` is its (equalised) right image, if any."""
         assert self.image is not None, "advance to a frame first"
         self._take_out_drift()
         self._add_corners()
         ideal = undistort_pixels(self.geometry.left, self.points)
         self.observations.append(image_observations(index, LEFT, self.track, ideal))
-        uv_right, matched = self._match_right(right, ideal)
-        self.observations.append(image_observations(index, RIGHT, self.track[matched], uv_right[matched]))
+        if right is not None:
+            uv_right, matched = self._match_right(right, ideal)
+            self.observations.append(image_observations(index, RIGHT, self.track[matched], uv_right[matched]))
         self.reference = (self.image, self.points, self.track)
 
     def _take_out_drift(self) -> None:
@@ -233,5 +234,6 @@ def track_by_flow(
         before = require_change(before, image, frame)
         tracker.advance(tracker.equalised(image), dR_B[step - 1] if step else np.eye(3))
         if frame in number:
-            tracker.keyframe(number[frame], tracker.equalised(read(frame, RIGHT)))
+            right = tracker.equalised(read(frame, RIGHT)) if geometry.is_pair else None
+            tracker.keyframe(number[frame], right)
     return concatenate(tracker.observations, tracker.n_tracks), tracker.counts

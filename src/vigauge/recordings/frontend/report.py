@@ -32,7 +32,9 @@ class FrontEndReport:
     alignment_rms_position_m, alignment_rms_velocity_mps : what the alignment leaves over
     image_pairs_without_right : left frames without a right one, in the whole recording
     frames_skipped : frames of the window that were left out, by reason
-    aligned : biases and their sigmas as the alignment tells them; empty where the truth gave them
+    aligned : biases and their sigmas as the alignment tells them (beside known ones, what is left of them);
+        of one camera ``scale``, metres a unit of its map, and ``scale_sigma``, relative; empty where the truth
+        gave the biases of two cameras
     """
 
     sequence: str

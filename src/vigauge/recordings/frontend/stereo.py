@@ -51,6 +51,16 @@ class StereoGeometry:
     left: Camera
     right: Camera
 
+    @classmethod
+    def of(cls, cameras: tuple[Camera, ...]) -> StereoGeometry:
+        """Of two cameras; of one, which is then both, nothing but ``left`` means anything."""
+        return cls(cameras[0], cameras[-1])
+
+    @property
+    def is_pair(self) -> bool:
+        """Whether there are two cameras."""
+        return self.left is not self.right
+
     @cached_property
     def R_RL(self) -> Array:
         return self.right.R_BC.T @ self.left.R_BC
