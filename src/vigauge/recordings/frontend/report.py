@@ -33,8 +33,8 @@ class FrontEndReport:
     image_pairs_without_right : left frames without a right one, in the whole recording
     frames_skipped : frames of the window that were left out, by reason
     aligned : biases and their sigmas as the alignment tells them (beside known ones, what is left of them);
-        of one camera ``scale``, metres a unit of its map, and ``scale_sigma``, relative; empty where the truth
-        gave the biases of two cameras
+        of one camera ``scale``, metres a unit of its map, and ``scale_sigma``, relative; empty where the
+        truth gave the biases of two cameras
     """
 
     sequence: str
