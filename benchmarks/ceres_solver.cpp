@@ -9,14 +9,15 @@
 //   solve GAUGE TYPE       fix, prior or free; dense_schur or sparse_schur; from the file's start every time
 //   state PATH             write the last estimate
 //   at PATH                read an estimate, where covariances are taken
-//   covariance GAUGE TYPE  sparse_qr (fix, prior) or dense_svd (free) of the whole 9N x 9N motion block
+//   covariance GAUGE TYPE  sparse_qr (fix, prior) or dense_svd (free) of the whole motion block
 //   matrix PATH            write the last covariance
 //
 // What helps Ceres is done: a pose is one block, so that rows have the sizes (2, 3, 6) for which its
 // Schur eliminator is compiled; the Jacobian by a pose is given by tangent directions and the
 // manifold's derivative is the identity, so no chain rule through quaternions is paid for.
 // Pose blocks are (p, q) with q = (w, x, y, z) and left increments; the first one is
-// (p, dphi_0) with the total increment of Eq. (9), six plain numbers.
+// (p, dphi_0) with the total increment of Eq. (9), six plain numbers. Where biases are estimated, the block of a
+// keyframe's velocity has them too: (v, gyroscope bias, accelerometer bias).
 
 #include <ceres/ceres.h>
 #include <sys/resource.h>
@@ -42,6 +43,9 @@ using Vector3 = Eigen::Vector3d;
 using RowMatrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 using Matrix9 = Eigen::Matrix<double, 9, 9, Eigen::RowMajor>;
 using Vector9 = Eigen::Matrix<double, 9, 1>;
+using Vector15 = Eigen::Matrix<double, 15, 1>;
+template <int kRows, int kColumns>
+using RowMatrix = Eigen::Matrix<double, kRows, kColumns, Eigen::RowMajor>;
 
 constexpr double kPriorWeight = 1e5;  // Section V-A
 
@@ -87,17 +91,18 @@ struct Camera {
 };
 
 struct State {
-  std::vector<double> p, R, v, X, dphi_0;
+  std::vector<double> p, R, v, X, dphi_0, gyro_bias, accel_bias;
 };
 
 struct Data {
-  int64_t n, k, cameras, m, factors;
+  int64_t n, k, cameras, m, factors, width;  // width: parameters of a keyframe, 9 or 15
   double sigma_px, gravity;
   State start;
   Matrix3 R_ref;
   std::vector<Camera> camera;
   std::vector<int64_t> obs_keyframe, obs_camera, obs_landmark, first, second;
-  std::vector<double> uv, dt, dp, dR, dv, whitener;
+  std::vector<double> uv, dt, dp, dR, dv, whitener, by_gyro_bias, by_accel_bias, gyro_bias, accel_bias;
+  int64_t Speed() const { return width - 6; }  // size of the block of a velocity, and its biases
 };
 
 class Reader {
@@ -126,25 +131,27 @@ class Reader {
   std::ifstream stream_;
 };
 
-State TakeState(Reader& in, int64_t n, int64_t k) {
+State TakeState(Reader& in, int64_t n, int64_t k, int64_t width) {
   State s;
   s.p = in.Take<double>(3 * n);
   s.R = in.Take<double>(9 * n);
   s.v = in.Take<double>(3 * n);
   s.X = in.Take<double>(3 * k);
   s.dphi_0 = in.Take<double>(3);
+  if (width == 15) s.gyro_bias = in.Take<double>(3 * n), s.accel_bias = in.Take<double>(3 * n);
   return s;
 }
 
 Data ReadProblem(const std::string& path) {
   Reader in(path);
-  in.Magic("VIGPROB1");
+  in.Magic("VIGPROB2");
   Data d;
-  const auto sizes = in.Take<int64_t>(5);
+  const auto sizes = in.Take<int64_t>(6);
   d.n = sizes[0], d.k = sizes[1], d.cameras = sizes[2], d.m = sizes[3], d.factors = sizes[4];
+  d.width = sizes[5];
   const auto numbers = in.Take<double>(2);
   d.sigma_px = numbers[0], d.gravity = numbers[1];
-  d.start = TakeState(in, d.n, d.k);
+  d.start = TakeState(in, d.n, d.k, d.width);
   d.R_ref = Map<const RowMatrix3>(in.Take<double>(9).data());
   for (int64_t c = 0; c < d.cameras; ++c) {
     const auto f = in.Take<double>(16);
@@ -162,7 +169,13 @@ Data ReadProblem(const std::string& path) {
   d.dp = in.Take<double>(3 * d.factors);
   d.dR = in.Take<double>(9 * d.factors);
   d.dv = in.Take<double>(3 * d.factors);
-  d.whitener = in.Take<double>(81 * d.factors);
+  d.whitener = in.Take<double>(d.width * d.width * d.factors);
+  if (d.width == 15) {
+    d.by_gyro_bias = in.Take<double>(27 * d.factors);
+    d.by_accel_bias = in.Take<double>(27 * d.factors);
+    d.gyro_bias = in.Take<double>(3 * d.factors);
+    d.accel_bias = in.Take<double>(3 * d.factors);
+  }
   in.End();
   return d;
 }
@@ -309,6 +322,86 @@ class Inertial final : public ceres::SizedCostFunction<9, kPose, 3, 7, 3> {
   const Matrix3& R_ref_;
 };
 
+// The same with biases: the increments follow those of the first keyframe to first order, and six more
+// residuals are the steps of their random walk.
+template <int kPose>
+class BiasedInertial final : public ceres::SizedCostFunction<15, kPose, 9, 7, 9> {
+ public:
+  BiasedInertial(const Data& d, int64_t row)
+      : dt_(d.dt[row]),
+        g_(0.0, 0.0, -d.gravity),
+        dp_(&d.dp[3 * row]),
+        dv_(&d.dv[3 * row]),
+        dR_(Map<const RowMatrix3>(&d.dR[9 * row])),
+        W_(Map<const RowMatrix<15, 15>>(&d.whitener[225 * row])),
+        R_ref_(d.R_ref) {
+    by_bias_ << Map<const RowMatrix<9, 3>>(&d.by_gyro_bias[27 * row]), Map<const RowMatrix<9, 3>>(&d.by_accel_bias[27 * row]);
+    bias_ << Map<const Vector3>(&d.gyro_bias[3 * row]), Map<const Vector3>(&d.accel_bias[3 * row]);
+  }
+
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    using Vector6 = Eigen::Matrix<double, 6, 1>;
+    const Map<const Vector3> p_i(parameters[0]), v_i(parameters[1]), p_j(parameters[2]), v_j(parameters[3]);
+    const Map<const Vector6> b_i(parameters[1] + 3), b_j(parameters[3] + 3);
+    const Matrix3 R_iT = Rotation<kPose>(parameters[0], R_ref_).transpose();
+    const Matrix3 R_j = Rotation<7>(parameters[2], R_ref_);
+    const Vector9 moved = by_bias_ * (b_i - bias_);
+    const Vector3 turned = moved.segment<3>(3);
+    const Matrix3 dR = dR_ * ExpQuaternion(turned).toRotationMatrix();
+    const Vector3 shift = R_iT * (p_j - p_i - v_i * dt_ - 0.5 * g_ * dt_ * dt_);
+    const Vector3 change = R_iT * (v_j - v_i - g_ * dt_);
+    const Matrix3 error = dR.transpose() * R_iT * R_j;
+    const Vector3 turn = LogQuaternion(Eigen::Quaterniond(error));
+    Vector15 r;
+    r << shift - Map<const Vector3>(dp_) - moved.head<3>(), turn, change - Map<const Vector3>(dv_) - moved.tail<3>(), b_j - b_i;
+    Map<Vector15>{residuals} = W_ * r;
+    if (!jacobians) return true;
+    const Matrix3 inverse = RightJacobianInverse(turn), by_turn = inverse * R_j.transpose();
+    if (jacobians[0]) {
+      Eigen::Matrix<double, 9, 6> J = Eigen::Matrix<double, 9, 6>::Zero();
+      J.block<3, 3>(0, 0) = -R_iT;
+      J.block<3, 3>(0, 3) = Hat(shift) * R_iT;
+      J.block<3, 3>(3, 3) = -by_turn;
+      J.block<3, 3>(6, 3) = Hat(change) * R_iT;
+      if constexpr (kPose == 6) J.rightCols<3>() = (J.rightCols<3>() * LeftJacobian(Map<const Vector3>(parameters[0] + 3))).eval();
+      Map<RowMatrix<15, kPose>> out(jacobians[0]);
+      out.setZero();
+      out.template leftCols<6>() = W_.leftCols<9>() * J;
+    }
+    if (jacobians[1]) {
+      Eigen::Matrix<double, 15, 9> J = Eigen::Matrix<double, 15, 9>::Zero();
+      J.block<3, 3>(0, 0) = -R_iT * dt_;
+      J.block<3, 3>(6, 0) = -R_iT;
+      J.block<9, 6>(0, 3) = -by_bias_;
+      J.block<3, 6>(3, 3) = -inverse.transpose() * LeftJacobian(turned).transpose() * by_bias_.middleRows<3>(3);
+      J.block<6, 6>(9, 3) = -Eigen::Matrix<double, 6, 6>::Identity();
+      Map<RowMatrix<15, 9>>{jacobians[1]} = W_ * J;
+    }
+    if (jacobians[2]) {
+      Map<RowMatrix<15, 7>> out(jacobians[2]);
+      out.setZero();
+      out.leftCols<3>() = W_.leftCols<3>() * R_iT;
+      out.block<15, 3>(0, 3) = W_.middleCols<3>(3) * by_turn;
+    }
+    if (jacobians[3]) {
+      Map<RowMatrix<15, 9>> out(jacobians[3]);
+      out.leftCols<3>() = W_.middleCols<3>(6) * R_iT;
+      out.rightCols<6>() = W_.rightCols<6>();
+    }
+    return true;
+  }
+
+ private:
+  double dt_;
+  Vector3 g_;
+  const double *dp_, *dv_;
+  Matrix3 dR_;
+  Eigen::Matrix<double, 15, 15> W_;
+  Eigen::Matrix<double, 9, 6> by_bias_;
+  Eigen::Matrix<double, 6, 1> bias_;
+  const Matrix3& R_ref_;
+};
+
 // Eq. (11): first position and the z part of dphi_0.
 class GaugePrior final : public ceres::SizedCostFunction<4, 6> {
  public:
@@ -331,7 +424,7 @@ class GaugePrior final : public ceres::SizedCostFunction<4, 6> {
 // The parameters, and the Ceres problem of one gauge over them.
 class Estimator {
  public:
-  explicit Estimator(const Data& d) : d_(d), pose_(7 * d.n), velocity_(3 * d.n), landmark_(3 * d.k) {}
+  explicit Estimator(const Data& d) : d_(d), pose_(7 * d.n), speed_(d.Speed() * d.n), landmark_(3 * d.k) {}
 
   void Load(const State& s) {
     for (int64_t i = 0; i < d_.n; ++i) {
@@ -343,7 +436,12 @@ class Estimator {
         pose_[7 * i + 3] = q.w(), pose_[7 * i + 4] = q.x(), pose_[7 * i + 5] = q.y(), pose_[7 * i + 6] = q.z();
       }
     }
-    velocity_ = s.v;
+    for (int64_t i = 0; i < d_.n; ++i) {
+      std::copy_n(&s.v[3 * i], 3, Speed(i));
+      if (d_.width == 9) continue;
+      std::copy_n(&s.gyro_bias[3 * i], 3, Speed(i) + 3);
+      std::copy_n(&s.accel_bias[3 * i], 3, Speed(i) + 6);
+    }
     landmark_ = s.X;
   }
 
@@ -363,9 +461,13 @@ class Estimator {
       const RowMatrix3 R = i ? Rotation<7>(&pose_[7 * i], d_.R_ref) : Rotation<6>(pose_.data(), d_.R_ref);
       put(R.data(), 72);
     }
-    put(velocity_.data(), 8 * velocity_.size());
+    const int64_t stride = d_.Speed();
+    for (int64_t i = 0; i < d_.n; ++i) put(&speed_[stride * i], 24);
     put(landmark_.data(), 8 * landmark_.size());
     put(&pose_[3], 24);
+    for (int64_t at = 3; at < stride; at += 3) {
+      for (int64_t i = 0; i < d_.n; ++i) put(&speed_[stride * i + at], 24);
+    }
     if (!out.flush()) throw std::runtime_error(path + ": cannot be written");
   }
 
@@ -378,7 +480,7 @@ class Estimator {
       } else {
         problem->AddParameterBlock(&pose_[7 * i], 7, manifold);
       }
-      problem->AddParameterBlock(&velocity_[3 * i], 3);
+      problem->AddParameterBlock(Speed(i), static_cast<int>(d_.Speed()));
     }
     if (d_.n == 1) delete manifold;
     ceres::LossFunction* loss = nullptr;
@@ -400,12 +502,12 @@ class Estimator {
       const int64_t i = d_.first[r], j = d_.second[r];
       if (j == 0) throw std::runtime_error("inertial factors must not end at the first keyframe");
       ceres::CostFunction* cost = nullptr;
-      if (i == 0) {
-        cost = new Inertial<6>(d_, r);
+      if (d_.width == 15) {
+        cost = i ? static_cast<ceres::CostFunction*>(new BiasedInertial<7>(d_, r)) : new BiasedInertial<6>(d_, r);
       } else {
-        cost = new Inertial<7>(d_, r);
+        cost = i ? static_cast<ceres::CostFunction*>(new Inertial<7>(d_, r)) : new Inertial<6>(d_, r);
       }
-      problem->AddResidualBlock(cost, nullptr, &pose_[7 * i], &velocity_[3 * i], &pose_[7 * j], &velocity_[3 * j]);
+      problem->AddResidualBlock(cost, nullptr, &pose_[7 * i], Speed(i), &pose_[7 * j], Speed(j));
     }
     if (gauge == "fix") {
       problem->SetManifold(&pose_[0], new ceres::SubsetManifold(6, {0, 1, 2, 5}));
@@ -422,15 +524,16 @@ class Estimator {
     for (int64_t j = 0; j < d_.k; ++j) ordering->AddElementToGroup(&landmark_[3 * j], 0);
     for (int64_t i = 0; i < d_.n; ++i) {
       ordering->AddElementToGroup(&pose_[7 * i], 1);
-      ordering->AddElementToGroup(&velocity_[3 * i], 1);
+      ordering->AddElementToGroup(Speed(i), 1);
     }
     return ordering;
   }
 
-  // (9N, 9N), all positions, all rotations, all velocities; held parameters have zero rows.
+  // (9N, 9N), all positions, all rotations, all velocities, and all biases (15N, 15N) where those are estimated;
+  // held parameters have zero rows.
   std::vector<double> Motion(const ceres::Covariance& covariance, const ceres::Problem& problem) {
     const int64_t first = problem.ParameterBlockTangentSize(&pose_[0]);
-    const int64_t order = first + 6 * (d_.n - 1) + 3 * d_.n, n = d_.n;
+    const int64_t n = d_.n, order = first + 6 * (n - 1) + d_.Speed() * n, rows = d_.width * n;
     std::vector<double> theirs(order * order);
     if (!covariance.GetCovarianceMatrixInTangentSpace(MotionBlocks(), theirs.data())) {
       throw std::runtime_error("the covariance is not to be had");
@@ -440,24 +543,27 @@ class Estimator {
       const bool held = i == 0 && first == 2;
       for (int axis = 0; axis < 3 && !held; ++axis) place.push_back(3 * i + axis);
       for (int axis = 0; axis < (held ? 2 : 3); ++axis) place.push_back(3 * n + 3 * i + axis);
-      for (int axis = 0; axis < 3; ++axis) place.push_back(6 * n + 3 * i + axis);
+      for (int64_t kind = 2; kind < d_.width / 3; ++kind) {
+        for (int axis = 0; axis < 3; ++axis) place.push_back(3 * n * kind + 3 * i + axis);
+      }
     }
-    std::vector<double> out(81 * n * n, 0.0);
+    std::vector<double> out(rows * rows, 0.0);
     for (int64_t a = 0; a < order; ++a) {
-      for (int64_t b = 0; b < order; ++b) out[9 * n * place[a] + place[b]] = theirs[order * a + b];
+      for (int64_t b = 0; b < order; ++b) out[rows * place[a] + place[b]] = theirs[order * a + b];
     }
     return out;
   }
 
   std::vector<const double*> MotionBlocks() const {
     std::vector<const double*> blocks;
-    for (int64_t i = 0; i < d_.n; ++i) blocks.push_back(&pose_[7 * i]), blocks.push_back(&velocity_[3 * i]);
+    for (int64_t i = 0; i < d_.n; ++i) blocks.push_back(&pose_[7 * i]), blocks.push_back(&speed_[d_.Speed() * i]);
     return blocks;
   }
 
  private:
   const Data& d_;
-  std::vector<double> pose_, velocity_, landmark_;
+  double* Speed(int64_t i) { return &speed_[d_.Speed() * i]; }
+  std::vector<double> pose_, speed_, landmark_;
   std::string loss_;
   double delta_ = 0.0;
 };
@@ -556,7 +662,7 @@ int main(int count, char** arguments) try {
       in.Magic("VIGSTAT1");
       const auto sizes = in.Take<int64_t>(2);
       if (sizes[0] != data.n || sizes[1] != data.k) throw std::runtime_error(first + ": is of another problem");
-      const State state = TakeState(in, data.n, data.k);
+      const State state = TakeState(in, data.n, data.k, data.width);
       in.End();
       estimator.Load(state);
     } else if (verb == "covariance") {

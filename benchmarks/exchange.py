@@ -16,7 +16,7 @@ from vigauge.files import atomic_path
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 
-PROBLEM_MAGIC = b"VIGPROB1"
+PROBLEM_MAGIC = b"VIGPROB2"
 STATE_MAGIC = b"VIGSTAT1"
 
 
@@ -29,15 +29,18 @@ def _floats(*arrays: np.ndarray | Sequence[float] | float) -> bytes:
 
 
 def _state_floats(state: State) -> bytes:
-    return _floats(state.p_W, state.R_WB, state.v_W, state.X_W, state.dphi_0)
+    biases = [b for b in (state.gyro_bias, state.accel_bias) if b is not None]
+    return _floats(state.p_W, state.R_WB, state.v_W, state.X_W, state.dphi_0, *biases)
 
 
 def write_problem(path: Path, problem: Problem) -> None:
     """The measurements, whitened factors and start of a problem, all or nothing."""
     f, start = problem.inertial, problem.initial
+    by_biases = [b for b in (f.by_gyro_bias, f.by_accel_bias, f.gyro_bias, f.accel_bias) if b is not None]
     parts = [
         PROBLEM_MAGIC,
         _integers(start.n_keyframes, start.n_landmarks, len(problem.cameras), len(problem.obs_uv), len(f.dt)),
+        _integers(start.width),
         _floats(problem.sigma_px, problem.gravity),
         _state_floats(start),
         _floats(start.R_WB0_ref),
@@ -45,7 +48,7 @@ def write_problem(path: Path, problem: Problem) -> None:
         _integers(problem.obs_keyframe, problem.obs_camera, problem.obs_landmark),
         _floats(problem.obs_uv),
         _integers(f.first, f.second),
-        _floats(f.dt, f.dp, f.dR, f.dv, f.whitener),
+        _floats(f.dt, f.dp, f.dR, f.dv, f.whitener, *by_biases),
     ]
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         for part in parts:
@@ -74,9 +77,10 @@ def read_state(path: Path, like: State) -> State:
             path, f"must have {like.n_keyframes} keyframes, {like.n_landmarks} landmarks", value=(n, k)
         )
     values = np.frombuffer(raw, "<f8", offset=24)
-    if len(values) != 15 * n + 3 * k + 3:
+    biases = 3 * n if like.has_biases else 0
+    if len(values) != 15 * n + 3 * k + 3 + 2 * biases:
         raise DataError(path, "is cut short", field="length", value=len(values))
-    p, R, v, X, dphi_0 = np.split(values, np.cumsum([3 * n, 9 * n, 3 * n, 3 * k]))
+    p, R, v, X, dphi_0, gyro, accel = np.split(values, np.cumsum([3 * n, 9 * n, 3 * n, 3 * k, 3, biases]))
     return State(
         p_W=p.reshape(n, 3).copy(),
         R_WB=R.reshape(n, 3, 3).copy(),
@@ -84,6 +88,8 @@ def read_state(path: Path, like: State) -> State:
         X_W=X.reshape(k, 3).copy(),
         dphi_0=dphi_0.copy(),
         R_WB0_ref=like.R_WB0_ref,
+        gyro_bias=gyro.reshape(n, 3).copy() if biases else None,
+        accel_bias=accel.reshape(n, 3).copy() if biases else None,
     ).require_valid()
 
 

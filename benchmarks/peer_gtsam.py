@@ -164,11 +164,17 @@ def _left(state: State, keyframe: int) -> Array:
     return R if keyframe else so3.left_jacobian_inverse(state.dphi_0) @ R
 
 
-def blocks_in_our_parameters(joints: list[gtsam.JointMarginal], state: State) -> Array:
-    """(N, 9, 9) of (position, rotation, velocity), from the joint marginals of :func:`keyframe_keys`."""
-    T = np.zeros((len(joints), 9, 9))
+def keyframes_to_our_parameters(state: State) -> Array:
+    """(N, 9, 9) derivatives of our parameters by GTSAM's increments in the order of :func:`keyframe_keys`."""
+    T = np.zeros((state.n_keyframes, 9, 9))
     for i, R in enumerate(state.R_WB):
         T[i, 0:3, 3:6], T[i, 3:6, 0:3], T[i, 6:9, 6:9] = R, _left(state, i), np.eye(3)
+    return T
+
+
+def blocks_in_our_parameters(joints: list[gtsam.JointMarginal], state: State) -> Array:
+    """(N, 9, 9) of (position, rotation, velocity), from the joint marginals of :func:`keyframe_keys`."""
+    T = keyframes_to_our_parameters(state)
     return T @ np.array([joint.fullMatrix() for joint in joints]) @ T.swapaxes(1, 2)
 
 

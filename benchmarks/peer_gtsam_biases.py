@@ -8,6 +8,7 @@ biases' change: GTSAM corrects the rotation vector, we turn the rotation.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import gtsam
 import numpy as np
@@ -21,6 +22,8 @@ from vigauge.model.imu import ImuNoise, ImuSamples
 from vigauge.model.problem import InertialFactors, Problem
 from vigauge.model.state import State
 
+from .problems_with_biases import read_samples
+
 # From GTSAM's order (rotation, position, velocity, accelerometer bias, gyroscope bias) to ours, and back.
 _ORDER = np.r_[3:6, 0:3, 6:9, 12:15, 9:12]
 _STEP = 1e-3
@@ -32,9 +35,9 @@ def preintegrated(
     samples: ImuSamples,
     keyframe_ns: NDArray[np.int64],
     noise: ImuNoise,
-    gravity: float,
     gyro: Array,
     accel: Array,
+    gravity: float,
 ) -> list[Pim]:
     """GTSAM's preintegration between keyframes at samples, at the given biases."""
     parameters = gtsam.PreintegrationCombinedParams.MakeSharedU(gravity)
@@ -131,6 +134,11 @@ def state_of(values: gtsam.Values, like: State) -> State:
     )
 
 
+def keyframe_keys(n_keyframes: int) -> list[list[int]]:
+    """Pose, velocity and bias of each keyframe."""
+    return [[X(i), V(i), B(i)] for i in range(n_keyframes)]
+
+
 def motion_keys(n_keyframes: int) -> list[int]:
     """Poses, velocities, biases."""
     return [*peer_gtsam.motion_keys(n_keyframes), *(B(i) for i in range(n_keyframes))]
@@ -145,3 +153,34 @@ def in_our_parameters(joint: Array, state: State) -> Array:
         gyro, accel, theirs = 9 * n + 3 * i, 12 * n + 3 * i, 9 * n + 6 * i
         T[gyro : gyro + 3, theirs + 3 : theirs + 6] = T[accel : accel + 3, theirs : theirs + 3] = np.eye(3)
     return T @ joint @ T.T
+
+
+def blocks_in_our_parameters(joints: list[Array], state: State) -> Array:
+    """(N, 15, 15) of (position, rotation, velocity, biases), from the joint marginals of
+    :func:`keyframe_keys`."""
+    T = np.zeros((len(joints), 15, 15))
+    T[:, :9, :9] = peer_gtsam.keyframes_to_our_parameters(state)
+    T[:, 9:12, 12:15] = T[:, 12:15, 9:12] = np.eye(3)
+    return T @ np.array(joints) @ T.swapaxes(1, 2)
+
+
+class Peer:
+    """What the worker asks of :mod:`benchmarks.peer_gtsam`, for a problem with its samples beside."""
+
+    state_of = staticmethod(state_of)
+    keyframe_keys, motion_keys = staticmethod(keyframe_keys), staticmethod(motion_keys)
+
+    def __init__(self, gravity: float, problem_file: Path) -> None:
+        self.pims = preintegrated(*read_samples(problem_file), gravity)
+
+    def graph_of(self, problem: Problem, prior_weight: float | None) -> gtsam.NonlinearFactorGraph:
+        return graph_of(problem, self.pims, prior_weight)
+
+    def values_with_biases(self, problem: Problem, state: State) -> gtsam.Values:
+        return values_of(state)
+
+    def blocks_in_our_parameters(self, joints: list[gtsam.JointMarginal], state: State) -> Array:
+        return blocks_in_our_parameters([joint.fullMatrix() for joint in joints], state)
+
+    def in_our_parameters(self, joint: gtsam.JointMarginal, state: State) -> Array:
+        return in_our_parameters(joint.fullMatrix(), state)

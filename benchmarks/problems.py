@@ -109,12 +109,21 @@ def _flight(settings: SimulationSettings) -> SplineTrajectory:
     return SplineTrajectory.through(t, points, sway, LOOK_ALONG_X)
 
 
-def _long_flight(settings: SimulationSettings) -> Problem:
-    motion, camera = _flight(settings), pinhole(settings)
+def motion_of(settings: SimulationSettings) -> tuple[SplineTrajectory, Index, Index]:
+    """The motion of a problem; times of inertial samples and of keyframes, ns."""
+    if settings.n_keyframes <= 10:
+        scene = make_scene("sine", "random", settings)
+        return scene.trajectory, scene.imu.t_ns, scene.keyframe_ns
     step_ns = round(1e9 / settings.imu_rate_hz)
     count = round(settings.duration_s * settings.imu_rate_hz)
     stamps = step_ns * np.arange(count + 1, dtype=np.int64)
     keyframe_ns = stamps[np.round(np.linspace(0, count, settings.n_keyframes)).astype(np.int64)]
+    return _flight(settings), stamps, keyframe_ns
+
+
+def _long_flight(settings: SimulationSettings) -> Problem:
+    camera = pinhole(settings)
+    motion, stamps, keyframe_ns = motion_of(settings)
     t = keyframe_ns * 1e-9
     p_W, R_WB, v_W = motion.p_W(t), motion.R_WB(t), motion.v_W(t)
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
+from vigauge.solver.residuals import cost as own_cost
 
 from .competitors import OURS, Competitor
 from .exchange import read_matrix, read_state, write_state
@@ -35,6 +36,7 @@ COVARIANCE_TOLERANCE_OTHERS = 1e-6
 PARTS = ("whole", "blocks")
 
 Say = Callable[[str], None]
+Judge = Callable[[State], float]
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,7 @@ def race_solves(
     bench: Bench, field_: Iterable[Competitor], threads: int, gauges: Sequence[str]
 ) -> list[Entry]:
     """All solvers in all gauges on one problem; entries with times where the costs agree."""
-    judge = Model(bench.problem)
+    judge = _judge(bench.problem)
     entries: list[Entry] = []
     costs: dict[int, float] = {}
     with ExitStack() as stack:
@@ -189,8 +191,15 @@ def race_solves(
     return entries
 
 
+def _judge(problem: Problem) -> Judge:
+    """Cost of a state: with known biases by plain NumPy, else by the package, which tests hold to GTSAM."""
+    if problem.estimates_biases:
+        return lambda state: own_cost(problem, state)
+    return Model(problem).cost
+
+
 def _try_solve(
-    bench: Bench, process: SolverProcess, competitor: Competitor, entry: Entry, judge: Model
+    bench: Bench, process: SolverProcess, competitor: Competitor, entry: Entry, judge: Judge
 ) -> float:
     """First run in every variant; keeps the faster one and returns the judge's cost of its end."""
     best = np.inf
@@ -208,7 +217,7 @@ def _try_solve(
             entry.trial_s, entry.peak_mib = float(answer["seconds"]), max(entry.peak_mib, answer["peak_mib"])
             file = bench.scratch / f"{competitor.name}_{entry.gauge}.state"
             process.ask("state", file)
-            cost = judge.cost(read_state(file, bench.problem.initial))
+            cost = judge(read_state(file, bench.problem.initial))
             entry.converged = bool(answer["converged"])
             if not entry.converged:
                 bench.say(f"  {competitor.name} {entry.gauge}: stopped before it converged")
@@ -281,7 +290,8 @@ def _try_covariance(
     file = bench.scratch / f"{competitor.name}_{entry.gauge}_{entry.part}.matrix"
     process.ask("matrix", file)
     n = bench.n_keyframes
-    matrix = read_matrix(file, (n, 9, 9) if entry.part == "blocks" else (9 * n, 9 * n))
+    width = bench.problem.initial.width
+    matrix = read_matrix(file, (n, width, width) if entry.part == "blocks" else (width * n, width * n))
     file.unlink()
     return matrix
 

@@ -53,7 +53,7 @@ class Vigauge:
     analyse it anew too.
     """
 
-    def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int) -> None:
+    def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int, path: str) -> None:
         self.problem = problem
         self.gauges: dict[str, Gauge] = {
             "fix": FixedGauge(),
@@ -91,11 +91,14 @@ class Vigauge:
 class Gtsam:
     """GTSAM's Levenberg-Marquardt with its Ceres-like settings, and its marginals."""
 
-    def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int) -> None:
-        from . import peer_gtsam
+    def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int, path: str) -> None:
+        from . import peer_gtsam, peer_gtsam_biases
 
-        self.peer, self.problem, self.tolerance, self.limit = peer_gtsam, problem, tolerance, limit
-        self.values = peer_gtsam.values_with_biases(problem, problem.initial)
+        self.peer: Any = peer_gtsam
+        if problem.estimates_biases:
+            self.peer = peer_gtsam_biases.Peer(problem.gravity, Path(path))
+        self.problem, self.tolerance, self.limit = problem, tolerance, limit
+        self.values = self.peer.values_with_biases(problem, problem.initial)
         self.graphs: dict[str, Any] = {}
 
     def prepare(self, gauge: str) -> None:
@@ -146,7 +149,7 @@ class Gtsam:
 class Scipy:
     """``scipy.optimize.least_squares``, trust region reflective, with the analytic sparse Jacobian."""
 
-    def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int) -> None:
+    def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int, path: str) -> None:
         from .model import Model
 
         self.model, self.tolerance, self.limit = Model(problem), tolerance, limit
@@ -183,7 +186,7 @@ class Scipy:
 class Pinv:
     """``numpy.linalg.pinv`` of the dense free Hessian; the Hessian itself is not timed."""
 
-    def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int) -> None:
+    def __init__(self, problem: Problem, threads: int, tolerance: float, limit: int, path: str) -> None:
         from .model import Model
 
         self.model = Model(problem)
@@ -205,7 +208,7 @@ class Pinv:
         return inverse[:motion, :motion], seconds
 
 
-SOLVERS: dict[str, Callable[[Problem, int, float, int], Solver]] = {
+SOLVERS: dict[str, Callable[[Problem, int, float, int, str], Solver]] = {
     "vigauge": Vigauge,
     "gtsam": Gtsam,
     "scipy": Scipy,
@@ -247,7 +250,7 @@ def serve(solver: Solver, problem: Problem) -> None:
 def main(arguments: list[str]) -> None:
     name, path, threads, tolerance, limit = arguments
     problem = load_problems(path)[0]
-    solver = SOLVERS[name](problem, int(threads), float(tolerance), int(limit))
+    solver = SOLVERS[name](problem, int(threads), float(tolerance), int(limit), path)
     print(json.dumps({"ready": True}), flush=True)
     serve(solver, problem)
 

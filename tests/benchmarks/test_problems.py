@@ -110,12 +110,12 @@ def test_binary_file_is_the_problem(small):
     """Catches fields in another order, or of another width, than the C++ program reads."""
     problem, (_, binary) = small
     raw = binary.read_bytes()
-    assert raw[:8] == b"VIGPROB1"
-    n, k, cameras, m, f = struct.unpack("<5q", raw[8:48])
-    assert (n, k, cameras, m, f) == (10, 40, 1, len(problem.obs_uv), 9)
-    assert struct.unpack("<2d", raw[48:64]) == (problem.sigma_px, problem.gravity)
+    assert raw[:8] == b"VIGPROB2"
+    n, k, cameras, m, f, width = struct.unpack("<6q", raw[8:56])
+    assert (n, k, cameras, m, f, width) == (10, 40, 1, len(problem.obs_uv), 9, 9)
+    assert struct.unpack("<2d", raw[56:72]) == (problem.sigma_px, problem.gravity)
     doubles = 2 + (15 * n + 3 * k + 3) + 9 + 16 * cameras + 2 * m + (1 + 3 + 9 + 3 + 81) * f
-    assert len(raw) == 48 + 8 * (doubles + 3 * m + 2 * f)
+    assert len(raw) == 56 + 8 * (doubles + 3 * m + 2 * f)
     whitener = np.frombuffer(raw[-8 * 81 * f :], "<f8").reshape(f, 9, 9)
     assert np.array_equal(whitener, problem.inertial.whitener)
 
@@ -125,10 +125,11 @@ def test_state_and_matrix_round_trip(small, tmp_path):
     problem, _ = small
     state = solve(problem, FreeGauge()).state
     file = tmp_path / "x.state"
-    write_state(file, state)
-    back = read_state(file, problem.initial)
-    for name in ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref"):
-        assert np.array_equal(getattr(back, name), getattr(state, name)), name
+    for written in (state.with_biases(*np.arange(60.0).reshape(2, 10, 3)), state):
+        write_state(file, written)
+        back = read_state(file, written)
+        for name in ("p_W", "R_WB", "v_W", "X_W", "dphi_0", "R_WB0_ref", "gyro_bias", "accel_bias"):
+            assert np.array_equal(getattr(back, name), getattr(written, name)), name
     other = make_problem(Size(10, 41))
     with pytest.raises(DataError, match="41 landmarks"):
         read_state(file, other.initial)

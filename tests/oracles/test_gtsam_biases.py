@@ -30,7 +30,7 @@ def case(shape: str) -> tuple[Problem, list]:
     """The problem with GTSAM's own increments, at biases near those of our minimum."""
     trial, near = biased_trial(0, shape), biased_estimate(0, shape)
     biases = near.gyro_bias.mean(axis=0), near.accel_bias.mean(axis=0)
-    pims = peer.preintegrated(trial.samples, trial.keyframe_ns, trial.noise, trial.problem.gravity, *biases)
+    pims = peer.preintegrated(trial.samples, trial.keyframe_ns, trial.noise, *biases, trial.problem.gravity)
     initial = trial.problem.initial.with_biases(*biases)
     return replace(trial.problem, initial=initial, inertial=peer.factors_of(pims)), pims
 

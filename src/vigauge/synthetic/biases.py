@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..model.imu import ImuNoise, ImuSamples, preintegrate
 from ..model.problem import InertialFactors, Problem
 from ..model.state import State
-from .measurements import corrupt_imu
+from .measurements import corrupt_imu, random_walk
 from .scenario import Scene, make_trial
 
 
@@ -39,11 +39,8 @@ def make_biased_trial(scene: Scene, trial: int, gyro_walk: float, accel_walk: fl
     noise = ImuNoise(s.gyro_density, s.accel_density, gyro_walk, accel_walk)
     # Streams 0 to 2 are those of landmarks, noise and starts (make_scene, make_trial).
     rng = np.random.default_rng([s.seed, 3, trial])
-    step = np.sqrt(np.diff(scene.imu.t_ns, prepend=scene.imu.t_ns[0]) * 1e-9)[:, None]
-    gyro_bias, accel_bias = (
-        np.array(begin) + walk * np.cumsum(step * rng.normal(size=(len(step), 3)), axis=0)
-        for begin, walk in ((s.gyro_bias_radps, gyro_walk), (s.accel_bias_mps2, accel_walk))
-    )
+    gyro_bias = random_walk(s.gyro_bias_radps, gyro_walk, scene.imu.t_ns, rng)
+    accel_bias = random_walk(s.accel_bias_mps2, accel_walk, scene.imu.t_ns, rng)
     samples = corrupt_imu(scene.imu, noise, gyro_bias, accel_bias, rng)
     ends = zip(scene.keyframe_ns[:-1], scene.keyframe_ns[1:], strict=True)
     factors = [preintegrate(samples, int(a), int(b), noise) for a, b in ends]

@@ -20,6 +20,12 @@ def ideal_imu(trajectory: SplineTrajectory, t_ns: NDArray[np.int64], gravity: fl
     return ImuSamples(t_ns, trajectory.omega_B(t), trajectory.specific_force_B(t, gravity))
 
 
+def random_walk(begin: object, walk: float, t_ns: NDArray[np.int64], rng: np.random.Generator) -> Array:
+    """(M, 3) a bias at the stamps: ``begin`` (3,) at the first, then steps of deviation walk * sqrt(time)."""
+    step = np.sqrt(np.diff(t_ns, prepend=t_ns[0]) * 1e-9)[:, None]
+    return np.array(begin) + walk * np.cumsum(step * rng.normal(size=(len(step), 3)), axis=0)
+
+
 def corrupt_imu(
     ideal: ImuSamples, noise: ImuNoise, gyro_bias: Array, accel_bias: Array, rng: np.random.Generator
 ) -> ImuSamples:
