@@ -21,17 +21,20 @@ from vigauge.model.archive import (
     save_problems,
     save_states,
 )
+from vigauge.model.factors import BiasPrior
 from vigauge.model.loss import Cauchy, Huber
 from vigauge.model.problem import InertialFactors, Problem
 from vigauge.model.state import State
 from vigauge.solver.residuals import cost
+
+PRIOR = BiasPrior(3, np.array([0.01, -0.02, 0.03]), np.array([0.1, 0.2, -0.3]), 0.05, 0.2)
 
 
 def equal(a, b) -> bool:
     """Equality of dataclasses with arrays, dtypes included."""
     if isinstance(a, np.ndarray):
         return type(b) is np.ndarray and a.dtype == b.dtype and np.array_equal(a, b)
-    if isinstance(a, (State, Problem, InertialFactors, Camera)):
+    if isinstance(a, (State, Problem, InertialFactors, Camera, BiasPrior)):
         names = type(a).__dataclass_fields__
         return type(a) is type(b) and all(equal(getattr(a, name), getattr(b, name)) for name in names)
     if isinstance(a, tuple):
@@ -46,7 +49,7 @@ def problems() -> list[Problem]:
     fifth = replace(right, distortion=(*right.distortion, 0.01))
     return [
         random_problem(1),
-        replace(random_problem(1, biases=True), loss=Cauchy(2.5)),
+        replace(random_problem(1, biases=True), loss=Cauchy(2.5), factors=(PRIOR,)),
         with_noise_of_its_own(replace(one, loss=Huber(1.345), cameras=(fisheye, fifth)), 2),
     ]
 
@@ -187,6 +190,10 @@ def changed(path: Path, field: str, value) -> Path:
         ("1/inertial.by_gyro_bias", None, "by_gyro_bias"),
         ("1/inertial.covariance", np.tile(np.eye(9), (4, 1, 1)), "covariance"),
         ("0/initial.gyro_bias", np.zeros((4, 3)), "accel_bias"),
+        ("1/bias_priors.keyframe", np.array([4]), "keyframes"),
+        ("1/bias_priors.numbers", None, "bias_priors.numbers"),
+        ("1/bias_priors.numbers", np.ones((1, 7)), "bias_priors.numbers"),
+        ("1/bias_priors.numbers", np.zeros((1, 8)), "gyro_sigma"),
         ("1/loss", None, "loss"),
         ("1/loss", np.array("tukey"), "loss: entry 1: must be one of huber, cauchy"),
         ("1/loss.delta", None, "loss.delta"),

@@ -20,9 +20,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..arrays import integers, reals
 from ..errors import DataError
 from ..files import atomic_path
 from ..geometry.camera import LENSES, RADIAL_TANGENTIAL, Camera
+from .factors import BiasPrior
 from .loss import LOSSES, Loss
 from .problem import InertialFactors, Problem
 from .state import State
@@ -54,7 +56,9 @@ _CAMERAS: dict[str, tuple[int, ...]] = {
     "p_BC": (3,),
 }
 _OBSERVATIONS = ("obs_keyframe", "obs_camera", "obs_landmark", "obs_uv")
-_INTEGERS = {"first", "second", "obs_keyframe", "obs_camera", "obs_landmark", "cameras.size"}
+_INTEGERS = {
+    "first", "second", "obs_keyframe", "obs_camera", "obs_landmark", "cameras.size", "bias_priors.keyframe",
+}  # fmt: skip
 
 
 def save_arrays(path: PathLike, arrays: Mapping[str, Any]) -> None:
@@ -136,6 +140,11 @@ def _problem_arrays(problem: Problem) -> dict[str, Any]:
     if problem.obs_noise is not None:
         arrays["obs_noise"] = problem.obs_noise
     arrays["gravity"] = problem.gravity
+    priors = [factor for factor in problem.factors if isinstance(factor, BiasPrior)]
+    if priors:
+        arrays["bias_priors.keyframe"] = np.array([p.keyframe for p in priors], dtype=np.int64)
+        numbers = [[*p.gyro, *p.accel, p.gyro_sigma, p.accel_sigma] for p in priors]
+        arrays["bias_priors.numbers"] = np.array(numbers)
     if problem.loss is not None:
         arrays["loss"] = problem.loss.kind
         arrays["loss.delta"] = problem.loss.delta
@@ -210,6 +219,17 @@ def _loss_from(entry: _Entry) -> Loss | None:
     return LOSSES[name](float(entry.take("loss.delta", number=True)))
 
 
+def _bias_priors_from(entry: _Entry) -> tuple[BiasPrior, ...]:
+    """Archives without the fields are of problems without such priors."""
+    if "bias_priors.keyframe" not in entry.fields and "bias_priors.numbers" not in entry.fields:
+        return ()
+    keyframe = integers("entry", entry.take("bias_priors.keyframe"), ("m",), field="bias_priors.keyframe")
+    shape = (len(keyframe), 8)
+    numbers = reals("entry", entry.take("bias_priors.numbers"), shape, field="bias_priors.numbers")
+    rows = zip(keyframe.tolist(), numbers, strict=True)
+    return tuple(BiasPrior(k, row[:3], row[3:6], float(row[6]), float(row[7])) for k, row in rows)
+
+
 def _problem_from(entry: _Entry) -> Problem:
     initial = _state_from(entry, "initial.")
     return Problem(
@@ -218,6 +238,7 @@ def _problem_from(entry: _Entry) -> Problem:
         inertial=InertialFactors(**entry.take_all("inertial.", _FACTORS, _BY_BIASES)),
         sigma_px=float(entry.take("sigma_px", number=True)),
         gravity=float(entry.take("gravity", number=True)),
+        factors=_bias_priors_from(entry),
         biases="estimated" if initial.has_biases else "known",
         loss=_loss_from(entry),
         obs_noise=entry.take("obs_noise") if "obs_noise" in entry.fields else None,
@@ -259,10 +280,15 @@ def _load_list(path: PathLike, kind: str, build: Callable[[_Entry], T]) -> list[
 
 
 def save_problems(path: PathLike, problems: Sequence[Problem]) -> None:
-    """Write problems to one archive. DataError for one with motion factors: those are code, not data."""
+    """Write problems to one archive.
+
+    DataError for one with motion factors other than :class:`.factors.BiasPrior`: those are code, not data.
+    """
     for problem in problems:
-        if problem.factors:
-            raise DataError(path, "cannot hold motion factors", field="factors", value=len(problem.factors))
+        codes = [factor for factor in problem.factors if not isinstance(factor, BiasPrior)]
+        if codes:
+            rule = "cannot hold motion factors other than BiasPrior"
+            raise DataError(path, rule, field="factors", value=len(codes))
     _save_list(path, "problems", [_problem_arrays(problem) for problem in problems])
 
 

@@ -279,6 +279,21 @@ def test_aligned_biases_take_nothing_from_a_truth_that_is_there(aligned: Run, re
     np.testing.assert_array_equal(again.inertial.dv, aligned.problem.inertial.dv)
 
 
+def test_biases_that_the_problem_estimates_come_near_the_truth(
+    aligned: Run, rendered, tmp_path: Path
+) -> None:
+    """A bias that the factors hold, a prior that counts the data twice, outlier rounds that lose it."""
+    settings = FrontEndSettings.from_mapping(FLOW | {"biases": "estimated"})
+    problem, _, _ = build_problem(rendered.sequence, None, settings)
+    save_problems(tmp_path / "p.npz", [problem])
+    (problem,) = load_problems(tmp_path / "p.npz")
+    estimate = solve(problem.with_noise(0.3, 1.0), FreeGauge()).state
+    assert np.abs(estimate.gyro_bias.mean(0) - rendered.truth.gyro_bias[0]).max() < 2e-3
+    assert np.abs(estimate.accel_bias.mean(0) - rendered.truth.accel_bias[0]).max() < 0.1
+    errors = trajectory_errors(estimate, aligned.truth)
+    assert errors.p_rmse_m < 0.006 and errors.phi_rmse_deg < 0.5
+
+
 def test_known_biases_without_truth_are_refused(rendered) -> None:
     """Biases of zero where nobody said that they are."""
     with pytest.raises(DataError, match='"aligned"'):

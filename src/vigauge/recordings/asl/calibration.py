@@ -28,7 +28,8 @@ _CAMERA_KEYS = _SENSOR_KEYS | {
     "distortion_coefficients",
 }
 _DENSITIES = ("gyroscope_noise_density", "accelerometer_noise_density")
-_IMU_KEYS = _SENSOR_KEYS | {*_DENSITIES, "gyroscope_random_walk", "accelerometer_random_walk"}
+_WALKS = ("gyroscope_random_walk", "accelerometer_random_walk")
+_IMU_KEYS = _SENSOR_KEYS | {*_DENSITIES, *_WALKS}
 # From tactical grade to what Kalibr's users inflate a cheap sensor to; in degrees the usual ones lie above.
 _USUAL_GYRO, _USUAL_ACCEL = (1e-5, 5e-3), (1e-4, 5e-2)
 
@@ -65,7 +66,7 @@ def read_camera(path: Path) -> Camera:
 
 
 def read_imu_noise(path: Path) -> ImuNoise:
-    """White-noise densities as published in ``imu0/sensor.yaml``: rad/s/sqrt(Hz), m/s^2/sqrt(Hz).
+    """Noise as published in ``imu0/sensor.yaml``: densities, and the biases' random walks, 0 where not given.
 
     Raises
     ------
@@ -77,14 +78,19 @@ def read_imu_noise(path: Path) -> ImuNoise:
     if max(np.abs(R_BS - np.eye(3)).max(), np.abs(p_BS).max()) > _IDENTITY_TOLERANCE:
         rule = "must be the identity: body and inertial frame are the same here"
         raise DataError(path, rule, field="T_BS", value=np.column_stack([R_BS, p_BS]).tolist())
-    densities = []
+    densities, walks = [], []
     for key in _DENSITIES:
         density = _number(path, key, content.get(key))
         if density <= 0.0:
             raise DataError(path, "must be positive", field=key, value=density)
         densities.append(density)
+    for key in _WALKS:
+        walk = _number(path, key, content.get(key, 0.0))
+        if walk < 0.0:
+            raise DataError(path, "must not be negative", field=key, value=walk)
+        walks.append(walk)
     _refuse_unknown(path, content, _IMU_KEYS, "imu")
-    return ImuNoise(gyro_density=densities[0], accel_density=densities[1])
+    return ImuNoise(densities[0], densities[1], walks[0], walks[1])
 
 
 def unusual_densities(noise: ImuNoise) -> list[str]:

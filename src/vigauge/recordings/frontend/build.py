@@ -1,6 +1,6 @@
 """From a sequence to a problem: tracking, poses, gravity, landmarks, inertial factors.
 
-Ground truth gives the biases and nothing else, or nothing at all (setting ``biases``: aligned). The start
+Ground truth gives the biases and nothing else, or nothing at all (``biases``: aligned or estimated). The start
 that comes out is the front-end's own: PnP poses, velocities and gravity by alignment, of one camera the scale
 too, triangulated landmarks. Solving serves here only to find outliers; its estimate is thrown away.
 """
@@ -19,6 +19,7 @@ from tqdm import tqdm
 from ...errors import DataError
 from ...geometry.camera import EQUIDISTANT, Camera, ideal_size
 from ...geometry.so3 import Array
+from ...model.factors import BiasPrior
 from ...model.problem import InertialFactors, Problem
 from ...model.state import State
 from ..alignment import Alignment, align
@@ -48,6 +49,8 @@ from .stereo import Image, StereoGeometry
 from .tracks import LEFT, RIGHT, Tracks
 from .triangulation import Triangulation, triangulate
 
+# No gyroscope is off by more.
+_GYRO_BIAS_SIGMA_RADPS = 1.0
 # The problem is built with the noise as published; who uses it says what to believe
 # (``Problem.with_noise``).
 SIGMA_PX = 1.0
@@ -57,11 +60,16 @@ _KNOWN_BIAS_SIGMA_MPS2 = 0.01
 
 @dataclass(frozen=True)
 class _Start:
-    """The front-end's start in the world frame W: upright, first keyframe at the origin."""
+    """The front-end's start in the world frame W: upright, first keyframe at the origin.
+
+    ``biases`` : those to start from where the problem estimates them, and the ``prior`` of the first ones
+    """
 
     p_W: Array
     R_WB: Array
     v_W: Array
+    biases: ConstantBiases | None = None
+    prior: tuple[BiasPrior, ...] = ()
 
 
 def build_problem(
@@ -75,7 +83,7 @@ def build_problem(
     Parameters
     ----------
     biases : ground truth to take known biases from, and nothing else; not used, and may be None, where
-        ``settings.biases`` is "aligned"
+        ``settings.biases`` is "aligned" or "estimated"
     progress : show a bar on standard error, where that is a terminal
 
     Raises
@@ -95,6 +103,7 @@ def build_problem(
         tracks, counts = _track(sequence, keyframes, known, settings, progress)
         mapped = _map(sequence.cameras, tracks, len(keyframes), settings)
     alignment: Alignment | GravityAlignment
+    estimated = None
     if isinstance(known, KnownBiases) and len(sequence.cameras) == 2:
         factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
         alignment = align_with_gravity(mapped.p_M, mapped.R_MB, factors, settings.gravity_mps2)
@@ -103,8 +112,9 @@ def build_problem(
         mapped = _metric(mapped, sequence.cameras, alignment.scale)
         if not isinstance(known, KnownBiases):
             known = ConstantBiases(alignment.gyro_bias, alignment.accel_bias)
-        factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known)
-    start = _upright(mapped, alignment)
+            estimated = known if settings.biases == "estimated" else None
+        factors = inertial_factors(sequence.imu, sequence.imu_noise, t_ns, known, estimated)
+    start = _upright(mapped, alignment, estimated, settings.accel_bias_sigma_mps2)
 
     first = triangulate(sequence.cameras, start.p_W, start.R_WB, mapped.tracks, settings.triangulation)
     candidate = _problem(sequence.cameras, start, mapped.tracks, first, factors, settings.gravity_mps2)
@@ -132,10 +142,10 @@ def build_problem(
 
 def _known_biases(truth: GroundTruth | None, settings: FrontEndSettings, first_ns: int) -> Biases:
     """Biases to follow points by: those of the truth, or none yet where alignment is to find them."""
-    if settings.biases == "aligned":
+    if settings.biases in ("aligned", "estimated"):
         return ConstantBiases(np.zeros(3), np.zeros(3))
     if truth is None:
-        rule = 'must be "aligned" where there is no ground truth to take biases from'
+        rule = 'must be "aligned" or "estimated" where there is no ground truth to take biases from'
         raise DataError("front-end settings", rule, field="biases", value=settings.biases)
     return KnownBiases(truth, settings.biases, first_ns)
 
@@ -205,9 +215,16 @@ def _bar(items: SequenceOf[int], label: str, progress: bool) -> Collection[int]:
     return bar
 
 
-def _upright(mapped: Map, alignment: Alignment | GravityAlignment) -> _Start:
-    R_WM = alignment.R_WM
-    return _Start(mapped.p_M @ R_WM.T, R_WM @ mapped.R_MB, alignment.v_M @ R_WM.T)
+def _upright(
+    mapped: Map,
+    alignment: Alignment | GravityAlignment,
+    biases: ConstantBiases | None,
+    accel_bias_sigma: float,
+) -> _Start:
+    R_WM, zero = alignment.R_WM, np.zeros(3)
+    # The alignment has seen the data that the problem has, so the prior is what was known before.
+    prior = (BiasPrior(0, zero, zero, _GYRO_BIAS_SIGMA_RADPS, accel_bias_sigma),) if biases else ()
+    return _Start(mapped.p_M @ R_WM.T, R_WM @ mapped.R_MB, alignment.v_M @ R_WM.T, biases, prior)
 
 
 def _problem(
@@ -223,8 +240,9 @@ def _problem(
         counts = ", ".join(f"{n} {reason}" for reason, n in triangulation.rejected().items())
         raise DataError("front-end", f"some landmark must pass the checks (refused: {counts})", value=0)
     kept = tracks.where(triangulation.used).renumbered(triangulation.good)
+    initial = State.start(start.p_W, start.R_WB, start.v_W, triangulation.points_W[triangulation.good])
     return Problem.from_observations(
-        initial=State.start(start.p_W, start.R_WB, start.v_W, triangulation.points_W[triangulation.good]),
+        initial=initial.with_biases(start.biases.gyro, start.biases.accel) if start.biases else initial,
         cameras=cameras,
         keyframe=kept.keyframe,
         camera=kept.camera,
@@ -234,6 +252,8 @@ def _problem(
         inertial=factors,
         gravity=gravity,
         obs_noise=_noise_of(cameras, kept),
+        factors=start.prior,
+        biases="estimated" if start.biases else "known",
     )
 
 

@@ -97,7 +97,17 @@ def preintegrate_between(
 
 
 def inertial_factors(
-    imu: ImuSamples, noise: ImuNoise, stamps_ns: NDArray[np.int64], biases: Biases
+    imu: ImuSamples,
+    noise: ImuNoise,
+    stamps_ns: NDArray[np.int64],
+    biases: Biases,
+    start: ConstantBiases | None = None,
 ) -> InertialFactors:
-    """The chain of factors over keyframe stamps (N,)."""
-    return InertialFactors.chain(preintegrate_between(imu, noise, stamps_ns, biases))
+    """The chain of factors over keyframe stamps (N,).
+
+    ``start``: the biases, where they are to be estimated; the noise must then have their random walk.
+    """
+    factors = preintegrate_between(imu, noise, stamps_ns, biases)
+    return (
+        InertialFactors.chain(factors, start.gyro, start.accel) if start else InertialFactors.chain(factors)
+    )

@@ -67,7 +67,7 @@ def find_inliers(problem: Problem, settings: OutlierSettings, keyframes_per_land
             raise SolverError(f"outlier round {rounds} ended with: {solution.status}")
         X_W = state.X_W.copy()
         X_W[landmarks] = solution.state.X_W
-        state = State.start(solution.state.p_W, solution.state.R_WB, solution.state.v_W, X_W)
+        state = _with_landmarks(solution.state, X_W)
         good = keep & ~_worst_of_landmark(problem, state, keep, settings.reprojection_px)
         good &= _enough_keyframes(problem, good, keyframes_per_landmark)[problem.obs_landmark]
         if np.array_equal(good, keep):
@@ -102,10 +102,9 @@ def _enough_keyframes(problem: Problem, keep: NDArray[np.bool_], least: int) -> 
 def without(problem: Problem, keep: NDArray[np.bool_], state: State) -> tuple[Problem, NDArray[np.int64]]:
     """The problem with the observations ``keep`` (M,) only, started at ``state``; and its landmarks."""
     landmarks, number = np.unique(problem.obs_landmark[keep], return_inverse=True)
-    initial = State.start(state.p_W, state.R_WB, state.v_W, state.X_W[landmarks])
     reduced = replace(
         problem,
-        initial=initial,
+        initial=_with_landmarks(state, state.X_W[landmarks]),
         obs_keyframe=problem.obs_keyframe[keep],
         obs_camera=problem.obs_camera[keep],
         obs_landmark=number.astype(np.int64),
@@ -113,3 +112,8 @@ def without(problem: Problem, keep: NDArray[np.bool_], state: State) -> tuple[Pr
         obs_noise=None if problem.obs_noise is None else problem.obs_noise[keep],
     )
     return reduced, landmarks
+
+
+def _with_landmarks(state: State, X_W: Array) -> State:
+    """The motion of a state with landmarks (K, 3), first rotation its own reference."""
+    return State.start(state.p_W, state.R_WB, state.v_W, X_W, state.gyro_bias, state.accel_bias)

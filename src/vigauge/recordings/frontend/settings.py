@@ -142,12 +142,13 @@ class FrontEndSettings:
     tracker: str = _choice("how points are followed between images", ("optical_flow", "descriptors"))
     biases: str = _choice(
         "known biases: of the truth nearest each interval's middle, or nearest the first keyframe for all; "
-        "aligned: nothing of the truth, but one pair estimated with the start from poses and samples",
-        ("per_interval", "constant", "aligned"),
+        "aligned: nothing of the truth, but one pair estimated with the start from poses and samples; "
+        "estimated: the same, as the start of biases that the problem estimates at each keyframe",
+        ("per_interval", "constant", "aligned", "estimated"),
         "per_interval",
     )
     accel_bias_sigma_mps2: float = _real(
-        "m/s^2", "prior of the accelerometer's bias about zero, where biases are aligned", 1e-4, 5.0, 0.2
+        "m/s^2", "prior of the accelerometer's bias about zero, where no truth gives it", 1e-4, 5.0, 0.2
     )
     gravity_mps2: float = _real("m/s^2", "magnitude of gravity", 9.7, 9.9, 9.81)
     camera_time_offset_ns: int = _count(
