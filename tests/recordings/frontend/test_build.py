@@ -455,3 +455,24 @@ def test_euroc_start_and_optimum(name: str, euroc_root: Path) -> None:
     assert end.p_rmse_m < start.p_rmse_m < case["start_p_m"]
     residual = inertial_residual(run.problem, state)
     assert np.mean(residual**2) < case["chi_square"]
+
+
+@pytest.mark.euroc
+@pytest.mark.parametrize("name", sorted(EUROC))
+def test_euroc_without_truth_is_as_good_in_position(name: str, euroc_root: Path) -> None:
+    """Real biases, which are large against what the motion tells, and errors that are not white."""
+    case = EUROC[name]
+    truth_folder = euroc_root / name / "mav0" / case["truth"]
+    if not truth_folder.is_dir():
+        pytest.skip(f"{truth_folder.name} is not there")
+    settings = FrontEndSettings.from_mapping(case["front_end"] | {"biases": "estimated"})
+    problem, t_ns, report = build_problem(read_sequence(euroc_root / name), None, settings)
+    solution = solve(problem.with_noise(0.5, 4.0), FreeGauge())
+    assert solution.converged
+    truth = read_ground_truth(truth_folder)
+    end = trajectory_errors(solution.state, truth_state(truth, t_ns))
+    assert end.p_rmse_m < case["end"].p_rmse_m and end.v_rmse_mps < case["end"].v_rmse_mps
+    row = truth.nearest(t_ns)
+    found = solution.state.gyro_bias - truth.gyro_bias[row], solution.state.accel_bias - truth.accel_bias[row]
+    assert np.abs(found[0].mean(0)).max() < 1.5e-3 and np.abs(found[1].mean(0)).max() < 0.08
+    assert report.aligned["remarks"] == []
