@@ -14,6 +14,7 @@ from vigauge_paper.run.provenance import (
     code_digest,
     digest_file,
     digests,
+    made_with,
     read_stamp,
     require_coherent,
     write_stamp,
@@ -91,6 +92,17 @@ def test_results_of_two_runs_are_refused(tmp_path: Path, changes: dict, message:
     second = make(tmp_path / "second", "solve", **changes)
     with pytest.raises(MixtureError, match=message):
         require_coherent([first, second])
+
+
+def test_what_was_made_with_another_configuration_is_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Catches a sweep or spread of other settings beside the results, and one that is left out unsaid."""
+    results, fitting = (make(tmp_path / name, "solve") for name in ("results", "fitting"))
+    other = make(tmp_path / "other", "spread", config={"solver": {**SOLVER, "maximum_iterations": 7}})
+    assert made_with([results], fitting, "spread") and not caplog.messages
+    assert not made_with([results], other, "spread")
+    assert caplog.messages[0].startswith("spread left out; make it again:")
 
 
 def test_the_same_key_must_agree_between_stages(tmp_path: Path) -> None:

@@ -442,6 +442,7 @@ rule index:
         why=f"{OUT}/claims_why.csv",
         environment=f"{OUT}/environment.json",
         explorers=expand("data/explorer/{estimate}.json", estimate=EXPLORED),
+        stamps=expand("data/{kind}/{name}/stamp.json", kind=["sequences", "solutions"], name=SEQUENCES),
         captions=[os.path.relpath(ROOT / f"workflow/report/{key}.rst") for key in FIGURES],
         page=sorted(os.path.relpath(file) for file in SOURCE.glob("vigauge_paper/page/*.*")),
         code=code_of("index"),
@@ -458,7 +459,8 @@ rule index:
         evidence=[f"{name}={file}" for name, file in EXPLAINING.items()],
         published=figures_beside_the_paper(),
         extensions=extensions,
-        extensions_digest=digest_where_made(WINDOWS_TABLE),
+        spread=where_made("--spread", SPREAD_TABLE, SPREAD_STAMP),
+        extensions_digest=[digest_where_made(table) for table in (WINDOWS_TABLE, SPREAD_TABLE)],
         source=SOURCE_OF_CLAIMS,
     message:
         "The page that a reader opens first"
@@ -466,7 +468,8 @@ rule index:
         "python -m vigauge_paper.commands.index --claims {input.claims:q} --why {input.why:q}"
         " --environment {input.environment:q} --captions {params.captions:q} --tables {params.tables:q}"
         " --figures {params.figures:q} --evidence {params.evidence:q} --published {params.published:q} --extensions {params.extensions:q}"
-        " --explorers {input.explorers:q} --source {params.source} --output {output:q} &> {log:q}"
+        " {params.spread} --explorers {input.explorers:q} --source {params.source} --output {output:q}"
+        " --stamps {input.stamps:q} &> {log:q}"
 
 
 rule comparison:

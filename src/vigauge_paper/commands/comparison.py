@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 
 from vigauge.cli.command import LOG
-from vigauge.errors import MixtureError
 from vigauge.files import write_rows, write_text
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper.comparison.number import Row, counts, machine, score
@@ -20,7 +19,7 @@ from vigauge_paper.run.artefacts import (
     add_solver,
     named_file,
 )
-from vigauge_paper.run.provenance import require_coherent
+from vigauge_paper.run.provenance import made_with
 from vigauge_paper.run.stage import parser, run, settings_from
 from vigauge_paper.tables import markdown
 
@@ -60,14 +59,10 @@ def _chance(seed: int) -> str:
 
 def _sweep(options: argparse.Namespace) -> Path | None:
     """The summary of the sensitivity sweep, where it is of the same configuration as the results."""
-    if not options.sensitivity:
-        return None
-    try:
-        require_coherent([*options.stamps, options.sensitivity_stamp])
-    except MixtureError as error:
-        LOG.warning("sensitivity sweep left out: %s", error)
-        return None
-    return Path(options.sensitivity)
+    sweep = options.sensitivity
+    if sweep and made_with(options.stamps, options.sensitivity_stamp, "sensitivity sweep"):
+        return Path(sweep)
+    return None
 
 
 def work(options: argparse.Namespace) -> None:

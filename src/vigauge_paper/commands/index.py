@@ -10,6 +10,7 @@ from pathlib import Path
 from vigauge.files import write_text
 from vigauge_paper.page.index import Material, index_page
 from vigauge_paper.run.artefacts import named_file
+from vigauge_paper.run.provenance import made_with
 from vigauge_paper.run.stage import parser, run
 
 
@@ -19,6 +20,9 @@ def _rows(file: Path) -> list[dict[str, str]]:
 
 
 def work(options: argparse.Namespace) -> None:
+    extensions = dict(options.extensions)
+    if options.spread and made_with(options.stamps, options.spread_stamp, "spread"):
+        extensions["Harmless changes of the front-end"] = options.spread
     material = Material(
         rows=_rows(options.claims),
         why={row["id"]: row["why"] for row in _rows(options.why)},
@@ -30,7 +34,7 @@ def work(options: argparse.Namespace) -> None:
         source=options.source,
         published=options.published,
         environment=json.loads(options.environment.read_text(encoding="utf-8")),
-        extensions=dict(options.extensions),
+        extensions=extensions,
         explorers=[json.loads(file.read_text(encoding="utf-8")) for file in options.explorers],
     )
     write_text(options.output, index_page(material))
@@ -53,6 +57,8 @@ def main() -> None:
         ("extensions", "TITLE=FILE of further results (Markdown or CSV)", "*"),
     ):
         arguments.add_argument(f"--{name}", type=named_file, nargs=least, default=[], help=about)
+    arguments.add_argument("--spread", type=Path, help="spread over harmless changes, if there is one")
+    arguments.add_argument("--spread-stamp", type=Path, help="stamp of that spread")
     arguments.add_argument("--explorers", type=Path, nargs="*", default=[], help="data of the gauge explorer")
     arguments.add_argument("--output", type=Path, required=True, help="the page")
     run(work, arguments)

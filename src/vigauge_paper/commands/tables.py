@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vigauge.cli.command import LOG
-from vigauge.errors import MixtureError
 from vigauge_paper.ids import STAND_IN
 from vigauge_paper.run.artefacts import add_published, add_published_names, named_file, stem_of
-from vigauge_paper.run.provenance import require_coherent
+from vigauge_paper.run.provenance import made_with
 from vigauge_paper.run.stage import parser, run
 from vigauge_paper.spread import spread_sentence
 from vigauge_paper.tables import (
@@ -56,20 +54,10 @@ def work(options: argparse.Namespace) -> None:
     what = "RMSE in m, deg, m/s" if options.source == "euroc" else f"RMSE in m, deg, m/s; {STAND_IN}"
     counted = left_out(solutions) + degenerate(solutions)
     note = f"{what}. {_BOLD}{beside if names else ''}{counted} {starts(solutions)} {_truths(options.reports)}"
-    if options.spread and _belongs(options):
+    if options.spread and made_with(options.stamps, options.spread_stamp, "spread"):
         note += f" {spread_sentence(pd.read_csv(options.spread))}"
     head = f"{_recordings(options.reports)} {_too_small(pd.read_csv(options.errors))}".strip()
     write_table(rows, options.output, wide_errors(rows, published if names else None, names), note, head)
-
-
-def _belongs(options: argparse.Namespace) -> bool:
-    """Whether the spread, which is only made when asked for, is that of these results."""
-    try:
-        require_coherent([*options.stamps, options.spread_stamp])
-    except MixtureError as error:
-        LOG.warning("spread left out; make 'spread' again: %s", error)
-        return False
-    return True
 
 
 def _recordings(reports: list[tuple[str, Path]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -70,3 +71,9 @@ class Experiment:
     rows: Callable[[Material, Any], list[Row]]
     settings: type[Any] = NoSettings
     timed: bool = False
+
+    @property
+    def about(self) -> str:
+        """What it asks, in a sentence: the first of its module."""
+        module = sys.modules[self.rows.__module__]
+        return str(module.__doc__).splitlines()[0].removesuffix(".")

@@ -17,6 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..claims import THEMES, Verdict, evidence_links, headline
+from ..experiments.registry import EXPERIMENTS
 from ..figures.registry import FIGURES
 from ..figures.style import COLOURS
 from ..ids import STAND_IN, TABLES
@@ -97,7 +98,10 @@ def _content(m: Material) -> dict[str, object]:
             for key, file in m.tables.items()
         ],
         "extensions": extensions,
-        "evidence": {name: _table(file) for name, file in m.evidence.items()},
+        "evidence": [
+            (name, EXPERIMENTS[name].about if name in EXPERIMENTS else "", _table(file))
+            for name, file in m.evidence.items()
+        ],
         "explorers": m.explorers,
         "environment": m.environment,
         "source": m.source,

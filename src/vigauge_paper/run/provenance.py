@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from vigauge.cli.command import LOG
 from vigauge.errors import DataError, MixtureError
 from vigauge.files import write_json
 
@@ -96,6 +97,16 @@ def read_stamp(path: Path) -> Stamp:
     except (ValueError, TypeError, KeyError) as error:
         raise DataError(path, f"must be the stamp of a result: {error}") from error
     return stamp
+
+
+def made_with(stamps: Sequence[Path], stamp: Path, name: str) -> bool:
+    """Whether what is only made when asked for (a sweep, a spread) is of these results; if not, a warning."""
+    try:
+        require_coherent([*stamps, stamp])
+    except MixtureError as error:
+        LOG.warning("%s left out; make it again: %s", name, error)
+        return False
+    return True
 
 
 def require_coherent(paths: Sequence[Path]) -> dict[Path, Stamp]:

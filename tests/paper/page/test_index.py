@@ -88,6 +88,7 @@ def test_figures_tables_and_experiments_are_in_the_page(material: Material) -> N
         assert figure.shows.endswith(".") and str(escape(figure.shows)) in text
     assert text.count("<td><strong>1</strong></td><td>2 | 3</td>") == len(TABLES)
     assert "&lt;orbit&gt;" in text and "<orbit>" not in text
+    assert '<summary>orbit <span class="about">The cost on an orbit, Eq. (3)</span></summary>' in text
     assert "and 2 more rows in the file" in text and "0.1235" in text
 
 
