@@ -13,6 +13,7 @@ from pathlib import Path
 
 import grimp
 import pytest
+import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -22,6 +23,7 @@ LIBRARY, ARTIFACT = "vigauge", "vigauge_paper"
 # Top floor first. A folder (or a module beside them) imports only from floors below its own. What has no
 # floor fails the test, so a new folder gets its place on purpose. The library's root is its public API.
 FLOORS = (
+    "vigauge_paper.workflow",
     "vigauge_paper.commands",
     "vigauge_paper.page",
     "vigauge_paper.claims",
@@ -62,7 +64,7 @@ CONFINED = {
     "gtsam": {"vigauge.adapters"},
     "cv2": {"vigauge.recordings", "vigauge_paper.stand_in"},
     "snakemake": set(),
-    "grimp": {"vigauge_paper.commands"},
+    "grimp": {"vigauge_paper.workflow"},
     "numba": {"vigauge.kernels"},
     "llvmlite": {"vigauge.kernels"},
     "rosbags": {"vigauge.recordings"},
@@ -263,6 +265,22 @@ def test_lock_fits_the_project() -> None:
         for pin in locked:
             (version,) = pin.specifier
             assert requirement.specifier.contains(version.version), f"{pin} against {requirement}"
+
+
+def test_workflow_asks_for_what_the_project_asks_for() -> None:
+    """Catches an environment of the rules, or a least version of Snakemake, that was left behind."""
+    extras = read_project()["project"]["optional-dependencies"]
+    wanted = {*read_project()["project"]["dependencies"], *extras["recordings"], *extras["paper"]}
+    # The rest is for Snakemake's own process.
+    apart = {LIBRARY, "snakemake", "psutil", "grimp"}
+    environment = yaml.safe_load((ROOT / "workflow/envs/vigauge.yaml").read_text("utf-8"))
+    assert set(environment["dependencies"][-1]["pip"]) == {
+        requirement for requirement in wanted if Requirement(requirement).name not in apart
+    }
+    assert f"python {read_project()['project']['requires-python']}" in environment["dependencies"]
+    (snakemake,) = (requirement for requirement in wanted if requirement.startswith("snakemake"))
+    least = snakemake.removeprefix("snakemake>=")
+    assert f'min_version("{least}")' in (ROOT / "workflow/Snakefile").read_text("utf-8")
 
 
 def test_versions_agree() -> None:

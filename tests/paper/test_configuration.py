@@ -14,8 +14,9 @@ from vigauge.errors import ConfigError
 from vigauge.recordings.frontend.settings import settings_schema
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge.synthetic.settings import SimulationSettings
-from vigauge_paper.run.configuration import check_config, load_validator
+from vigauge_paper.run.configuration import check_config, load_validator, read_numbers
 from vigauge_paper.stand_in.rendering import RenderSettings
+from vigauge_paper.workflow.cross_field import check_between_keys
 
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 
@@ -36,6 +37,22 @@ def test_shipped_configurations_are_valid(config: dict[str, Any]) -> None:
     check_config(config, SCHEMA, "config.yaml")
     smoke = yaml.safe_load((ROOT / "config" / "smoke.yaml").read_text("utf-8"))
     check_config(merged(config, smoke), SCHEMA, "smoke.yaml")
+    check_between_keys(config, SCHEMA)
+    check_between_keys(merged(config, smoke), SCHEMA)
+
+
+def test_text_is_read_as_the_schema_says(config: dict[str, Any]) -> None:
+    """Catches numbers of --config, and 1e-3 of YAML, that stay text; what is no number is refused by name."""
+    text = {"simulation": {"n_trials": "4", "sigma_px": "1e-3", "redraw_noise": "False"}}
+    given = merged(config, text) | {"prior": config["prior"] | {"sweep_weights": ["0", "7"]}}
+    read_numbers(given, SCHEMA)
+    found = given["simulation"]
+    assert (found["n_trials"], found["sigma_px"], found["redraw_noise"]) == (4, 1e-3, False)
+    assert given["prior"]["sweep_weights"] == ["0", "7"]
+    wrong = merged(config, {"simulation": {"n_trials": "4.5"}})
+    read_numbers(wrong, SCHEMA)
+    with pytest.raises(ConfigError, match=r"simulation\.n_trials: '4\.5' is not of type 'integer'"):
+        check_config(wrong, SCHEMA, "configuration")
 
 
 def test_front_end_schema_says_what_the_settings_say() -> None:

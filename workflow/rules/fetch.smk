@@ -1,29 +1,32 @@
 """EuRoC from the sources of a table, when asked for; the default target never fetches."""
 
-
-localrules:
-    fetch_euroc,
+FETCHED = sorted({entry["folder"] for entry in config["euroc"]["sequences"].values()})
 
 
 rule fetch_euroc:
     input:
-        expand("{folder}/{fetched}.json", folder=DOWNLOAD, fetched=FETCHED),
+        expand("{folder}/{fetched}.json", folder=config["euroc"]["download"], fetched=FETCHED),
 
 
-# No code among the inputs: gigabytes are not fetched anew for an edit.
+# No code among the parameters: gigabytes are not fetched anew for an edit, nor for one of the table.
 rule fetch_sequence:
+    input:
+        sources=ancient(local(os.path.relpath(ROOT / "data/euroc_sources.csv"))),
     output:
-        record=f"{DOWNLOAD}/{{fetched}}.json",
+        record=f"{config['euroc']['download']}/{{fetched}}.json",
     log:
         "logs/fetch/{fetched}.log",
+    wildcard_constraints:
+        fetched=names_of(FETCHED),
     conda:
         "../envs/vigauge.yaml"
-    threads: WHOLE_MACHINE  # one download at a time: hosts refuse several
+    resources:
+        downloads=1,  # at a time, by the profile: hosts refuse several
+        runtime=600,
     params:
-        sources=EUROC_SOURCES,
-        folder=folder_of_output,
+        folder=parameters.folder_of_output,
     message:
         "Fetching {wildcards.fetched}"
     shell:
-        "python -m vigauge_paper.commands.fetch_euroc --sequence {wildcards.fetched:q} --sources {params.sources:q}"
+        "python -m vigauge_paper.commands.fetch_euroc --sequence {wildcards.fetched:q} --sources {input.sources:q}"
         " --output {params.folder:q} --record {output.record:q} &> {log:q}"

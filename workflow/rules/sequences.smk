@@ -2,29 +2,30 @@
 
 
 rule render:
-    input:
-        code=code_of("render"),
     output:
         folder=directory("data/rendered/rendered_{scene}/mav0"),
         about="data/rendered/rendered_{scene}/rendered.json",
         stamp="data/rendered/rendered_{scene}/stamp.json",
     log:
         "logs/render/{scene}.log",
+    wildcard_constraints:
+        scene=names_of(config["rendered"]),
     conda:
         "../envs/vigauge.yaml"
     params:
-        settings=scene_settings,
+        code=code_of("render"),
+        into=parameters.folder_above_output,
+        settings=lambda wildcards: section("rendered", wildcards.scene, "scene"),
     message:
         "Rendering the stand-in {wildcards.scene} (not EuRoC)"
     shell:
-        "python -m vigauge_paper.commands.render --scene {wildcards.scene} --output data/rendered"
+        "python -m vigauge_paper.commands.render --scene {wildcards.scene} --output {params.into:q}"
         " --settings {params.settings:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule check_sequence:
     input:
-        sequence=sequence_files,
-        code=code_of("check_sequence"),
+        parameters.of_sequence(SEQUENCES.files),
     output:
         "data/checks/{sequence}.json",
     log:
@@ -32,43 +33,45 @@ rule check_sequence:
     conda:
         "../envs/vigauge.yaml"
     params:
-        folder=front_end_folder,
-        truths=truth_names,
-        window=check_window,
-        sort=sort_flag,
-        accepts=check_accepts,
+        code=code_of("check_sequence"),
+        folder=parameters.of_sequence(SEQUENCES.folder),
+        truths=parameters.of_sequence(SEQUENCES.truth_names),
+        flags=parameters.of_sequence(SEQUENCES.check_flags),
     message:
         "Checking {wildcards.sequence}"
     shell:
-        "python -m vigauge.cli.check_sequence {params.folder:q} --truth {params.truths:q} {params.window}"
-        " {params.sort} {params.accepts} --output {output:q} &> {log:q}"
+        "python -m vigauge.cli.check_sequence {params.folder:q} --truth {params.truths:q} {params.flags}"
+        " --output {output:q} &> {log:q}"
 
 
 checkpoint front_end:
     input:
+        parameters.of_sequence(SEQUENCES.files),
         checked="data/checks/{sequence}.json",
-        sequence=sequence_files,
-        stamps=stamps_of_sequence,
-        code=code_of("front_end"),
+        stamps=parameters.of_sequence(SEQUENCES.stamps),
     output:
-        problem="data/sequences/{sequence}/problem.npz",
+        problems="data/sequences/{sequence}/problem.npz",
         truth="data/sequences/{sequence}/truth.npz",
         report="data/sequences/{sequence}/report.json",
         stamp="data/sequences/{sequence}/stamp.json",
     log:
         "logs/front_end/{sequence}.log",
+    benchmark:
+        "logs/benchmark/front_end/{sequence}.tsv"
     conda:
         "../envs/vigauge.yaml"
     params:
-        folder=front_end_folder,
-        truth=front_end_truth,
-        biases=front_end_biases,
-        settings=front_end_settings,
-        sort=sort_flag,
-        accepts=front_end_accepts,
+        code=code_of("front_end"),
+        folder=parameters.of_sequence(SEQUENCES.folder),
+        truth=parameters.of_sequence(SEQUENCES.truth),
+        biases=parameters.of_sequence(SEQUENCES.biases),
+        settings=parameters.of_sequence(SEQUENCES.front_end),
+        sort=parameters.of_sequence(SEQUENCES.sort_flag),
+        accepts=SEQUENCES.accepts_of,
     message:
         "Front-end on {wildcards.sequence}"
     shell:
         "python -m vigauge_paper.commands.front_end --sequence {params.folder:q} --biases {params.biases:q}"
-        " --truth {params.truth:q} --settings {params.settings:q} {params.sort} {params.accepts} --output {output.problem:q}"
-        " --truth-output {output.truth:q} --report {output.report:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
+        " --truth {params.truth:q} --settings {params.settings:q} {params.sort} {params.accepts}"
+        " --output {output.problems:q} --truth-output {output.truth:q} --report {output.report:q}"
+        " --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"

@@ -2,23 +2,23 @@
 
 
 rule simulate:
-    input:
-        code=code_of("simulate"),
     output:
-        problems="data/simulation/{trajectory}_{points}/problems.npz",
-        truth="data/simulation/{trajectory}_{points}/truth.npz",
-        path="data/simulation/{trajectory}_{points}/path.csv",
-        report="data/simulation/{trajectory}_{points}/report.json",
-        stamp="data/simulation/{trajectory}_{points}/stamp.json",
+        problems="data/simulation/{configuration}/problems.npz",
+        truth="data/simulation/{configuration}/truth.npz",
+        path="data/simulation/{configuration}/path.csv",
+        report="data/simulation/{configuration}/report.json",
+        stamp="data/simulation/{configuration}/stamp.json",
     log:
-        "logs/simulate/{trajectory}_{points}.log",
+        "logs/simulate/{configuration}.log",
     conda:
         "../envs/vigauge.yaml"
     params:
+        code=code_of("simulate"),
+        scene=parameters.scene_of,
         settings=section("simulation"),
     message:
-        "Simulating {wildcards.trajectory} {wildcards.points}"
+        "Simulating {wildcards.configuration}"
     shell:
-        "python -m vigauge_paper.commands.simulate --trajectory {wildcards.trajectory} --points {wildcards.points}"
-        " --settings {params.settings:q} --problems {output.problems:q} --truth {output.truth:q}"
-        " --path {output.path:q} --report {output.report:q} --stamp {output.stamp:q} &> {log:q}"
+        "python -m vigauge_paper.commands.simulate {params.scene} --settings {params.settings:q}"
+        " --problems {output.problems:q} --truth {output.truth:q} --path {output.path:q}"
+        " --report {output.report:q} --stamp {output.stamp:q} &> {log:q}"

@@ -1,66 +1,63 @@
-"""Solves in the three gauges (Section V): for their outcome, and again for their time, with the machine alone."""
+"""Solves in the three gauges (Section V), for their outcome and, with the machine alone, for their time;
+covariances in every gauge and the transformation between them (Section VI)."""
 
 
-rule solve_simulation:
+rule solve:
     input:
-        problems="data/simulation/{configuration}/problems.npz",
-        truth="data/simulation/{configuration}/truth.npz",
-        stamp="data/simulation/{configuration}/stamp.json",
-        code=code_of("solve"),
+        unpack(results_of("problems", "truths")),
     output:
-        solutions="data/solutions/{configuration}/solutions.csv",
-        trace="data/solutions/{configuration}/trace.csv",
-        states="data/solutions/{configuration}/states.npz",
-        stamp="data/solutions/{configuration}/stamp.json",
+        solutions="data/solutions/{experiment}/solutions.csv",
+        trace="data/solutions/{experiment}/trace.csv",
+        states="data/solutions/{experiment}/states.npz",
+        stamp="data/solutions/{experiment}/stamp.json",
     log:
-        "logs/solve/{configuration}.log",
+        "logs/solve/{experiment}.log",
+    benchmark:
+        "logs/benchmark/solve/{experiment}.tsv"
     conda:
         "../envs/vigauge.yaml"
     params:
-        prior=PRIOR_FLAGS,
-        solver=section("solver"),
-    message:
-        "Solving {wildcards.configuration} in three gauges"
-    shell:
-        "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truth:q}"
-        " {params.prior} --solver {params.solver:q}"
-        " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
-        " --stamps {input.stamp:q} --stamp {output.stamp:q} &> {log:q}"
-
-
-rule solve_sequence:
-    input:
-        problems="data/sequences/{sequence}/problem.npz",
-        truth="data/sequences/{sequence}/truth.npz",
-        stamp="data/sequences/{sequence}/stamp.json",
         code=code_of("solve"),
-    output:
-        solutions="data/solutions/{sequence}/solutions.csv",
-        trace="data/solutions/{sequence}/trace.csv",
-        states="data/solutions/{sequence}/states.npz",
-        stamp="data/solutions/{sequence}/stamp.json",
-    log:
-        "logs/solve/{sequence}.log",
-    conda:
-        "../envs/vigauge.yaml"
-    params:
         prior=PRIOR_FLAGS,
         solver=section("solver"),
-        noise=noise_models,
+        noise=SEQUENCES.noise_of,
     message:
-        "Solving {wildcards.sequence} in three gauges"
+        "Solving {wildcards.experiment} in three gauges"
     shell:
-        "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truth:q}"
+        "python -m vigauge_paper.commands.solve --problems {input.problems:q} --truth {input.truths:q}"
         " {params.prior} --solver {params.solver:q} --noise {params.noise:q}"
         " --solutions {output.solutions:q} --trace {output.trace:q} --states {output.states:q}"
-        " --stamps {input.stamp:q} --stamp {output.stamp:q} &> {log:q}"
+        " --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
+
+
+rule covariance:
+    input:
+        unpack(results_of("problems", "states")),
+    output:
+        covariance="data/covariance/{experiment}.npz",
+        distances="data/covariance/{experiment}.csv",
+        stamp="data/covariance/{experiment}.stamp.json",
+    log:
+        "logs/covariance/{experiment}.log",
+    benchmark:
+        "logs/benchmark/covariance/{experiment}.tsv"
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        code=code_of("covariance"),
+        prior=PRIOR_FLAGS,
+        noise=SEQUENCES.noise_of,
+    message:
+        "Covariances of {wildcards.experiment}"
+    shell:
+        "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
+        " {params.prior} --noise {params.noise:q} --output {output.covariance:q} --distances"
+        " {output.distances:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule time_simulation:
     input:
-        problems=expand("data/simulation/{name}/problems.npz", name=CONFIGURATIONS),
-        stamps=expand("data/simulation/{name}/stamp.json", name=CONFIGURATIONS),
-        code=code_of("time_solves"),
+        **reads(problems=CONFIGURATIONS),
     output:
         timing="data/timing/simulation.csv",
         machine="data/timing/simulation.json",
@@ -69,54 +66,47 @@ rule time_simulation:
         "logs/time_simulation.log",
     conda:
         "../envs/vigauge.yaml"
-    threads: WHOLE_MACHINE
+    resources:
+        timed=ALONE,
+        runtime=120,
     params:
-        problems=expand("{name}=data/simulation/{name}/problems.npz", name=CONFIGURATIONS),
+        code=code_of("time_solves"),
+        problems=parameters.named("problems", CONFIGURATIONS),
         prior=PRIOR_FLAGS,
         solver=section("solver"),
+        noise="{}",
         repeats=config["timing"]["repeats_simulation"],
     message:
         "Timing all simulated configurations"
     shell:
-        "python -m vigauge_paper.commands.time_solves --problems {params.problems:q}"
-        " {params.prior} --solver {params.solver:q} --repeats {params.repeats}"
-        " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
+        "python -m vigauge_paper.commands.time_solves --problems {params.problems:q} {params.prior} --solver"
+        " {params.solver:q} --noise {params.noise:q} --repeats {params.repeats} --timing {output.timing:q}"
+        " --machine {output.machine:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
 
 
-rule time_sequences:
+use rule time_simulation as time_sequences with:
     input:
-        problems=expand("data/sequences/{name}/problem.npz", name=PAPER_SEQUENCES),
-        stamps=expand("data/sequences/{name}/stamp.json", name=PAPER_SEQUENCES),
-        code=code_of("time_solves"),
+        **reads(problems=PAPER_SEQUENCES),
     output:
-        timing=f"data/timing/{SOURCE_OF_SEQUENCES}.csv",
-        machine=f"data/timing/{SOURCE_OF_SEQUENCES}.json",
-        stamp=f"data/timing/{SOURCE_OF_SEQUENCES}.stamp.json",
+        timing=f"data/timing/{SEQUENCES.source}.csv",
+        machine=f"data/timing/{SEQUENCES.source}.json",
+        stamp=f"data/timing/{SEQUENCES.source}.stamp.json",
     log:
         "logs/time_sequences.log",
-    conda:
-        "../envs/vigauge.yaml"
-    threads: WHOLE_MACHINE
     params:
-        problems=expand("{name}=data/sequences/{name}/problem.npz", name=PAPER_SEQUENCES),
+        code=code_of("time_solves"),
+        problems=parameters.named("problems", PAPER_SEQUENCES),
         prior=PRIOR_FLAGS,
         solver=section("solver"),
-        noise=json.dumps({name: ENTRIES[name]["noise"] for name in PAPER_SEQUENCES}, sort_keys=True),
+        noise=json.dumps({name: SEQUENCES.entries[name]["noise"] for name in PAPER_SEQUENCES}, sort_keys=True),
         repeats=config["timing"]["repeats_sequence"],
     message:
         "Timing the image sequences"
-    shell:
-        "python -m vigauge_paper.commands.time_solves --problems {params.problems:q}"
-        " {params.prior} --solver {params.solver:q} --noise {params.noise:q} --repeats {params.repeats}"
-        " --timing {output.timing:q} --machine {output.machine:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
 
 
 rule prior_sweep:
     input:
-        problems=f"data/simulation/{config['prior']['sweep_configuration']}/problems.npz",
-        truth=f"data/simulation/{config['prior']['sweep_configuration']}/truth.npz",
-        stamp=f"data/simulation/{config['prior']['sweep_configuration']}/stamp.json",
-        code=code_of("prior_sweep"),
+        **reads(problems=[SWEEP], truths=[SWEEP]),
     output:
         sweep="data/prior_sweep/sweep.csv",
         trace="data/prior_sweep/trace.csv",
@@ -126,14 +116,18 @@ rule prior_sweep:
         "logs/prior_sweep.log",
     conda:
         "../envs/vigauge.yaml"
-    threads: WHOLE_MACHINE
+    resources:
+        timed=ALONE,
+        runtime=120,
     params:
+        code=code_of("prior_sweep"),
         weights=config["prior"]["sweep_weights"],
         repeats=config["timing"]["repeats_sweep"],
         solver=section("solver"),
     message:
         "Solving under a range of prior weights"
     shell:
-        "python -m vigauge_paper.commands.prior_sweep --problems {input.problems:q} --truth {input.truth:q}"
+        "python -m vigauge_paper.commands.prior_sweep --problems {input.problems:q} --truth {input.truths:q}"
         " --weights {params.weights} --repeats {params.repeats} --solver {params.solver:q}"
-        " --sweep {output.sweep:q} --trace {output.trace:q} --timing {output.timing:q} --stamps {input.stamp:q} --stamp {output.stamp:q} &> {log:q}"
+        " --sweep {output.sweep:q} --trace {output.trace:q} --timing {output.timing:q}"
+        " --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"

@@ -1,33 +1,29 @@
 """Harmless changes of the front-end, and by how much results move: `snakemake --cores 2 spread`."""
 
-CHANGED = [name for names in SPREAD.values() for name in names]
-
-
-localrules:
-    spread,
-
-
-rule spread:
-    input:
-        SPREAD_TABLE,
+CHANGED = [name for names in SEQUENCES.spread.values() for name in names]
 
 
 rule spread_table:
     input:
-        expand("data/solutions/{name}/solutions.csv", name=CHANGED),
-        stamps=expand("data/solutions/{name}/stamp.json", name=CHANGED),
-        code=code_of("spread"),
+        **reads(solutions=CHANGED),
     output:
-        csv=SPREAD_TABLE,
-        stamp=SPREAD_STAMP,
+        csv="data/spread/spread.csv",
+        stamp="data/spread/spread.stamp.json",
     log:
         "logs/spread.log",
     conda:
         "../envs/vigauge.yaml"
     params:
-        changes=json.dumps(SPREAD),
+        code=code_of("spread"),
+        changes=json.dumps(SEQUENCES.spread),
+        solutions=parameters.folder_above("solutions"),
     message:
         "Spread over harmless changes of the front-end"
     shell:
-        "python -m vigauge_paper.commands.spread --changes {params.changes:q} --solutions data/solutions"
+        "python -m vigauge_paper.commands.spread --changes {params.changes:q} --solutions {params.solutions:q}"
         " --output {output.csv:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
+
+
+rule spread:
+    input:
+        rules.spread_table.output.csv,

@@ -1,22 +1,11 @@
 """Other parts of the recordings, as sequences of their own: `snakemake --cores 2 windows`."""
 
 
-localrules:
-    windows,
-
-
-rule windows:
-    input:
-        f"{OUT}/windows.csv",
-
-
 rule windows_table:
     input:
-        expand("data/checks/{name}.json", name=WINDOWS),
-        expand("data/sequences/{name}/report.json", name=WINDOWS),
-        solved=results_of_windows,
-        stamps=stamps_of_windows,
-        code=code_of("windows"),
+        unpack(results_of_windows),
+        checks=expand(rules.check_sequence.output, sequence=SEQUENCES.windows),
+        reports=expand(rules.front_end.output.report, sequence=SEQUENCES.windows),
     output:
         csv=f"{OUT}/windows.csv",
         md=f"{OUT}/windows.md",
@@ -26,10 +15,18 @@ rule windows_table:
     conda:
         "../envs/vigauge.yaml"
     params:
-        windows=settings_of_windows,
-        source=SOURCE_OF_SEQUENCES,
+        code=code_of("windows"),
+        windows=SEQUENCES.windows_shown(),
+        source=SEQUENCES.source,
+        data=parameters.folder_above("checks"),
     message:
         "Windows of all recordings"
     shell:
-        "python -m vigauge_paper.commands.windows --windows {params.windows:q} --data data --source {params.source}"
-        " --output {output.csv:q} --summary {output.summary:q} --stamps {input.stamps:q} &> {log:q}"
+        "python -m vigauge_paper.commands.windows --windows {params.windows:q} --data {params.data:q}"
+        " --source {params.source} --output {output.csv:q} --summary {output.summary:q}"
+        " --stamps {input.stamps:q} &> {log:q}"
+
+
+rule windows:
+    input:
+        rules.windows_table.output.csv,

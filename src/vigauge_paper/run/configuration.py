@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, MutableMapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,13 @@ from referencing import Registry
 from referencing.jsonschema import DRAFT202012
 
 from vigauge.errors import ConfigError
+
+# How text becomes a value of a type of JSON.
+_READ: dict[str, Callable[[str], object]] = {
+    "integer": int,
+    "number": float,
+    "boolean": lambda text: {"true": True, "false": False}[text.lower()],
+}
 
 
 def _key(error: ValidationError) -> str:
@@ -33,6 +42,7 @@ def _rule(error: ValidationError) -> tuple[str, object]:
     return error.message + (f"; {about}" if about else ""), error.instance
 
 
+@cache
 def load_validator(schema: Path) -> Draft202012Validator:
     """Validator of a YAML schema, which may refer to the other schemas of its folder by file name."""
     contents = {file.name: yaml.safe_load(file.read_text("utf-8")) for file in schema.parent.glob("*.yaml")}
@@ -52,6 +62,23 @@ def _require_plain(value: object, file: str, place: tuple[str, ...] = ()) -> Non
     if isinstance(value, Mapping | list):
         for key, entry in value.items() if isinstance(value, Mapping) else enumerate(value):
             _require_plain(entry, file, (*place, str(key)))
+
+
+def read_numbers(config: MutableMapping[str, Any], schema: Path) -> None:
+    """Turn text into the number or truth value that the schema asks for, in place.
+
+    ``--config`` hands everything on as text, and YAML reads 1e-3, without a point, as text. What cannot be
+    read stays as it is, for :func:`check_config` to refuse.
+    """
+    for error in load_validator(schema).iter_errors(config):
+        read = _READ.get(str(error.validator_value)) if error.validator == "type" else None
+        if read and isinstance(error.instance, str):
+            *path, last = error.absolute_path
+            place: Any = config
+            for key in path:
+                place = place[key]
+            with contextlib.suppress(ValueError, KeyError):
+                place[last] = read(error.instance)
 
 
 def check_config(config: Mapping[str, Any], schema: Path, file: str) -> None:

@@ -21,6 +21,7 @@ from .conftest import make_project, snakemake
 pytestmark = pytest.mark.workflow
 
 OUT = "paper_figures"
+SOLVING_ARC, SOLVING_HALL = (f"Solving {name} in three gauges" for name in ("arc_plane", "rendered_hall"))
 
 TABLES = {
     "table1.csv": ["gauge", "parameters", "hessian_rows", "hessian_rank"],
@@ -40,7 +41,12 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 def planned_rules(output: str) -> set[str]:
     """Rules of a dry run, from its table of job counts."""
-    return set(re.findall(r"^(\w+) +\d+$", output, flags=re.MULTILINE)) - {"all", "total"}
+    return set(re.findall(r"^(\w+) +\d+$", output, flags=re.MULTILINE)) - {"all", "paper", "total"}
+
+
+def planned(output: str) -> set[str]:
+    """The same, and what its jobs say that they do."""
+    return planned_rules(output) | set(re.findall(r"^Job \d+: (.+)$", output, flags=re.MULTILINE))
 
 
 @pytest.mark.parametrize(("name", "columns"), TABLES.items())
@@ -95,16 +101,16 @@ def test_second_run_has_nothing_to_do(smoke_project: Path) -> None:
     ("module", "reruns", "stays"),
     [
         ("vigauge/synthetic/landmarks.py", {"simulate"}, {"render"}),
-        ("vigauge/recordings/frontend/pnp.py", {"front_end"}, {"simulate", "solve_simulation", "render"}),
+        ("vigauge/recordings/frontend/pnp.py", {"front_end"}, {"simulate", SOLVING_ARC, "render"}),
         (
             "vigauge/covariance/transform.py",
-            {"covariance_simulation", "covariance_sequence"},
+            {"covariance"},
             {"simulate", "render", "front_end", "prior_sweep"},
         ),
         (
             "vigauge_paper/figures/style.py",
             {"figure_prior", "figure_orbit"},
-            {"simulate", "render", "front_end", "solve_simulation", "solve_sequence"},
+            {"simulate", "render", "front_end", "solve"},
         ),
     ],
 )
@@ -115,27 +121,36 @@ def test_editing_a_module_reruns_what_uses_it_and_no_other_rule(
     with (scratch_project / "src" / module).open("a", encoding="utf-8") as stream:
         stream.write("\n# edited\n")
     done = snakemake(scratch_project, "--dry-run")
-    planned = planned_rules(done.stdout + done.stderr)
-    assert planned, "an edit that reruns nothing leaves stale results"
-    assert reruns <= planned
-    assert not planned & stays
+    jobs = planned(done.stdout + done.stderr)
+    assert jobs, "an edit that reruns nothing leaves stale results"
+    assert reruns <= jobs
+    assert not jobs & stays
+
+
+def test_a_touched_module_reruns_nothing(scratch_project: Path) -> None:
+    """Hours of work again after a checkout, which gives files new times and the same contents."""
+    for file in [*(scratch_project / "src").rglob("*.py"), *(scratch_project / "workflow").rglob("*.smk")]:
+        os.utime(file)
+    done = snakemake(scratch_project, "--dry-run")
+    assert done.returncode == 0, done.stderr
+    assert not planned(done.stdout + done.stderr)
 
 
 @pytest.mark.parametrize(
     ("key", "value", "reruns", "stays"),
     [
-        ("simulation.sigma_px", "1.5", {"simulate"}, {"render", "front_end", "solve_sequence"}),
+        ("simulation.sigma_px", "1.5", {"simulate", SOLVING_ARC}, {"render", "front_end", SOLVING_HALL}),
         (
             "prior.sweep_weights",
             '["0","7","100","500","9e9","1e8"]',
             {"prior_sweep"},
-            {"simulate", "solve_simulation", "front_end"},
+            {"simulate", "solve", "front_end"},
         ),
         (
             "timing.repeats_sequence",
             "4",
             {"time_sequences"},
-            {"simulate", "solve_simulation", "solve_sequence", "time_simulation", "front_end", "render"},
+            {"simulate", "solve", "time_simulation", "front_end", "render"},
         ),
     ],
 )
@@ -148,17 +163,17 @@ def test_editing_a_config_key_reruns_what_depends_on_it(
     config = re.sub(rf"^{section}:$", f"{section}:\n  {name}: {value}", config, flags=re.MULTILINE)
     (scratch_project / "config" / "smoke.yaml").write_text(config, "utf-8")
     done = snakemake(scratch_project, "--dry-run")
-    planned = planned_rules(done.stdout + done.stderr)
-    assert reruns <= planned
-    assert not planned & stays
+    jobs = planned(done.stdout + done.stderr)
+    assert reruns <= jobs
+    assert not jobs & stays
 
 
 def test_one_table_can_be_made_alone(smoke_project: Path) -> None:
     """Table II must not need the image sequences."""
     done = snakemake(smoke_project, "--dry-run", "--forceall", "paper_figures/table2.csv")
-    planned = planned_rules(done.stdout + done.stderr)
-    assert {"simulate", "solve_simulation"} <= planned
-    assert not planned & {"render", "front_end", "solve_sequence", "prior_sweep", "time_simulation"}
+    jobs = planned(done.stdout + done.stderr)
+    assert {"simulate", SOLVING_ARC} <= jobs
+    assert not jobs & {"render", "front_end", SOLVING_HALL, "prior_sweep", "time_simulation"}
 
 
 def test_sensitivity_is_swept_only_when_asked_for(smoke_project: Path) -> None:
@@ -245,6 +260,53 @@ def test_unknown_config_key_is_one_clear_error(tmp_path: Path) -> None:
     assert "Traceback" not in done.stdout + done.stderr
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("simulation={minimum_views: 11}", "simulation.minimum_views: must not be above n_keyframes, 10"),
+        ("simulation={landmark_depth_m: [8, 2]}", "simulation.landmark_depth_m: must begin with the nearest"),
+        (
+            "rendered={hall: {scene: {frame_spacing_min_s: 1}}}",
+            "rendered.hall.scene.frame_spacing_min_s: must not be above frame_spacing_max_s",
+        ),
+        (
+            "windows={rendered: {hall_end: {sequence: hall, front_end: {keyframes: {window_end_s: 1e-1}}}}}",
+            "front-end of hall_end, keyframes.window_end_s: must lie after window_start_s",
+        ),
+        ("sensitivity={values: {n_trails: [3]}}", "sensitivity.values.n_trails: must be one of"),
+        (
+            "sensitivity={values: {minimum_views: [2, 12]}}",
+            "sensitivity.values.minimum_views of 12, simulation.minimum_views: must not be above n_keyframes",
+        ),
+        ("figures={orbit_trial: 50}", "figures.orbit_trial: must be below n_trials, 50"),
+        ("figures={path_weights: [7, 100, 500, 8]}", "figures.path_weights: must be among prior."),
+    ],
+)
+def test_keys_that_contradict_each_other_are_found_before_any_job(
+    tmp_path: Path, given: str, told: str
+) -> None:
+    """A configuration that the schema allows key by key, and that fails after an hour."""
+    done = snakemake(make_project(tmp_path / "project"), "--dry-run", "--config", given, smoke=False)
+    assert done.returncode != 0
+    assert told in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_numbers_of_the_command_line_are_those_of_a_file(smoke_project: Path) -> None:
+    """--config that hands numbers on as text, which the schema then refuses or a stage reads otherwise."""
+    given = "simulation={n_trials: 4, sigma_px: 83e-2, redraw_noise: true}"
+    done = snakemake(smoke_project, "--dry-run", "--config", given)
+    assert done.returncode == 0, done.stderr
+    assert not planned(done.stdout + done.stderr)
+
+
+def test_environment_depends_on_what_results_used(smoke_project: Path) -> None:
+    """A record made anew for a key that no result depends on, or left as it was for one that some do."""
+    for given, reruns in (("sensitivity={trials: 3}", False), ("reasons={yaw: {trials: 3}}", True)):
+        done = snakemake(smoke_project, "--dry-run", f"{OUT}/environment.json", "--config", given)
+        assert ("environment" in planned(done.stdout + done.stderr)) == reruns
+
+
 def test_config_value_out_of_range_names_key_value_and_unit(tmp_path: Path) -> None:
     folder = make_project(tmp_path / "project")
     done = snakemake(folder, "--dry-run", "--config", "simulation={sigma_px: -1}", smoke=False)
@@ -319,6 +381,9 @@ def test_report_builds_with_every_caption(smoke_project: Path) -> None:
     assert done.returncode == 0, done.stderr[-3000:]
     report = (smoke_project / "report.html").read_text("utf-8")
     assert len(report) > 100_000
+    # What the list of the report says of a figure.
+    for words in ('"result": "Figure 9"', '"shows": "covariance simulation"', '"source": "rendered"'):
+        assert words in report
     # The page with the evidence opens inside the report: it is there as HTML.
     start = report.index('"paper_figures/index.html": {')
     assert re.search(r'"mime_type": "text/html".*?"data_uri": "data:text/html', report[start : start + 2000])
@@ -416,7 +481,36 @@ def test_standard_entry_makes_the_same(smoke_project: Path) -> None:
         for done in [snakemake(smoke_project, "--dry-run", "--forceall", "--snakefile", entry)]
     ]
     assert jobs[0]
-    assert jobs[0] == jobs[1] - {"paper"}
+    assert jobs[0] == jobs[1]
+
+
+MODULE = """
+configfile: "{project}/config/config.yaml"
+module paper:
+    snakefile: "{project}/workflow/Snakefile"
+    config: config
+    prefix: "vi"
+use rule * from paper as paper_*
+rule all:
+    default_target: True
+    input: rules.paper_all.input
+"""
+
+
+@pytest.mark.slow
+def test_as_a_module_of_another_workflow_it_makes_the_same(smoke_project: Path, tmp_path: Path) -> None:
+    """Paths that are spelt where a module's prefix does not reach, or that depend on the working folder."""
+    (tmp_path / "Snakefile").write_text(MODULE.replace("{project}", str(smoke_project)), "utf-8")
+    smoke = ("--configfile", str(smoke_project / "config" / "smoke.yaml"))
+    whole = snakemake(tmp_path, "--dry-run", *smoke, smoke=False)
+    ours = snakemake(smoke_project, "--dry-run", "--forceall")
+    named = {f"paper_{rule}" for rule in planned_rules(ours.stdout + ours.stderr)}
+    assert planned_rules(whole.stdout + whole.stderr) - {"paper_all"} == named, whole.stderr[-3000:]
+    targets = [f"{OUT}/table1.csv", f"{OUT}/fig03_scenes.csv"]
+    done = snakemake(tmp_path, *(f"vi/{target}" for target in targets), *smoke, smoke=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    for target in targets:
+        assert (tmp_path / "vi" / target).read_bytes() == (smoke_project / target).read_bytes()
 
 
 def test_library_example_of_the_readme_runs(smoke_project: Path) -> None:

@@ -1,0 +1,1 @@
+"""What the rule files compute from the configuration: sequences, source digests, the record of builds."""
