@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.paper_time import job_records
 from support import ROOT
 
 from .conftest import make_project, snakemake
@@ -21,6 +22,7 @@ from .conftest import make_project, snakemake
 pytestmark = pytest.mark.workflow
 
 OUT = "paper_figures"
+TIMED_RULES = {"time_simulation", "time_sequences", "prior_sweep", "reasons_time"}
 SOLVING_ARC, SOLVING_HALL = (f"Solving {name} in three gauges" for name in ("arc_plane", "rendered_hall"))
 
 TABLES = {
@@ -89,6 +91,20 @@ def test_a_stand_in_is_never_called_euroc(smoke_project: Path) -> None:
     )
     environment = json.loads((smoke_project / "paper_figures" / "environment.json").read_text("utf-8"))
     assert {entry["source"] for entry in environment["sequences"].values()} == {"rendered"}
+
+
+def test_nothing_runs_beside_a_timed_stage(smoke_project: Path) -> None:
+    """Times that another stage on the same machine made longer."""
+    spans = {
+        (str(job["rule"]), float(job["starttime"]), float(job["endtime"]))
+        for job in job_records(smoke_project / ".snakemake" / "metadata")
+    }
+    timed = [span for span in spans if span[0] in TIMED_RULES]
+    assert {rule for rule, _, _ in timed} == TIMED_RULES
+    for rule, begin, end in timed:
+        # Files of one job are recorded a moment after each other.
+        beside = [name for name, b, e in spans if b < end - 0.1 and begin < e - 0.1 and name != rule]
+        assert not beside, (rule, beside)
 
 
 def test_second_run_has_nothing_to_do(smoke_project: Path) -> None:
