@@ -20,8 +20,8 @@ from typing import Any
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-# How a stage, its argument parser, Python and the shell begin the line that says why they give up.
-_ERROR = re.compile(r"(^|: )error: |^[\w.]+(Error|Exception|Interrupt)\b|\bKilled\b")
+# How a stage, a check, an argument parser, Python and the shell begin the line that says why they give up.
+_ERROR = re.compile(r"(^|: )error( \[[\w -]+\])?: |^[\w.]+(Error|Exception|Interrupt)\b|\bKilled\b")
 # What a stage logs every few seconds of long work.
 _SHARE = re.compile(r": (\d+) of (\d+) ")
 # Snakemake says these at the end; the failure is told where it happens.

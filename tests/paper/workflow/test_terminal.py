@@ -78,6 +78,7 @@ def test_a_failure_says_why_and_how_to_repeat_it(tmp_path: Path) -> None:
         ("halfway\n\n", "no error message; its last line: halfway"),
         ("Traceback:\nvigauge.errors.FetchError: no name\nbye", "vigauge.errors.FetchError: no name"),
         ("solve.py: error: the following arguments are required", "solve.py: error: the following arguments"),
+        ("  error [units]: a.csv: in m/s^2\n  unusable", "error [units]: a.csv: in m/s^2"),
         ("10 trials\n/usr/bin/bash: line 1: 7 Killed  python -m a", "/usr/bin/bash: line 1: 7 Killed"),
     ],
 )
