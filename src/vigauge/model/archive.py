@@ -242,7 +242,7 @@ def _problem_from(entry: _Entry) -> Problem:
         biases="estimated" if initial.has_biases else "known",
         loss=_loss_from(entry),
         obs_noise=entry.take("obs_noise") if "obs_noise" in entry.fields else None,
-        **{name: entry.take(name) for name in _OBSERVATIONS},  # type: ignore[arg-type]
+        **{name: entry.take(name) for name in _OBSERVATIONS},
     )
 
 

@@ -1,8 +1,8 @@
 """From a sequence to a problem: tracking, poses, gravity, landmarks, inertial factors.
 
-Ground truth gives the biases and nothing else, or nothing at all (``biases``: aligned or estimated). The start
-that comes out is the front-end's own: PnP poses, velocities and gravity by alignment, of one camera the scale
-too, triangulated landmarks. Solving serves here only to find outliers; its estimate is thrown away.
+Ground truth gives the biases and nothing else, or nothing at all (``biases``: aligned or estimated). The
+start that comes out is the front-end's own: PnP poses, velocities and gravity by alignment, of one camera the
+scale too, triangulated landmarks. Solving serves here only to find outliers; its estimate is thrown away.
 """
 
 from __future__ import annotations
