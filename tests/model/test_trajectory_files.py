@@ -104,6 +104,20 @@ def test_first_rotation_is_by_its_left_increment(tmp_path: Path, state: vg.State
     assert np.abs(found[3:6, 3:6] - blocks[0, 3:6, 3:6]).max() > 1e-3 * np.abs(expected).max()
 
 
+def test_biases_are_no_part_of_a_trajectory(
+    tmp_path: Path, state: vg.State, blocks: np.ndarray, times: np.ndarray
+) -> None:
+    """Catches an estimate with biases that cannot be written as others are, or written as velocities."""
+    wide = np.zeros((len(blocks), 15, 15))
+    wide[:, :9, :9], wide[:, 9:, 9:] = blocks, np.eye(6)
+    biased, path = state.with_biases(np.zeros(3), np.ones(3)), tmp_path / "estimate.npz"
+    vg.save_trajectory(path, biased, wide, times_ns=times, gauge="fix")
+    loaded = vg.load_trajectory(path)
+    vg.save_trajectory(path, state, blocks, times_ns=times, gauge="fix")
+    assert np.array_equal(loaded.covariance, vg.load_trajectory(path).covariance)
+    assert loaded.kinds == ("position", "rotation", "velocity")
+
+
 def test_arrays_of_another_estimator(tmp_path: Path, state: vg.State) -> None:
     path, C = tmp_path / "estimate.npz", np.tile(np.diag(np.arange(1.0, 7.0)), (state.n_keyframes, 1, 1))
     vg.save_trajectory(path, (state.R_WB, state.p_W), C, gauge="first", side="right")

@@ -10,7 +10,7 @@ import pytest
 from support.random_problem import random_problem
 from support.simulated import TIGHT, biased_trial, estimate, scene, trial
 from vigauge.covariance.covariance import motion_covariance
-from vigauge.errors import SolverError
+from vigauge.errors import DataError, SolverError
 from vigauge.gauge.gauges import FixedGauge, FreeGauge, PriorGauge
 from vigauge.geometry import so3
 from vigauge.model.evaluation import align_first_pose, trajectory_errors
@@ -145,6 +145,17 @@ def test_the_start_is_left_alone():
     before = {name: array.copy() for name, array in vars(problem.initial).items()}
     solve(problem, FreeGauge(), Options(maximum_iterations=3))
     assert all(np.array_equal(before[name], array) for name, array in vars(problem.initial).items())
+
+
+def test_another_start_keeps_the_reference():
+    """Catches a prior about the start, or a start of another problem that is let in."""
+    problem, gauge = trial(), PriorGauge(1e5)
+    whole = solve(problem, gauge, TIGHT)
+    again = solve(problem, gauge, TIGHT, start=whole.state.transformed(0.1, np.ones(3)))
+    assert again.cost == pytest.approx(whole.cost, rel=1e-9)
+    assert np.abs(again.state.p_W[0] - problem.initial.p_W[0]).max() < 1e-6
+    with pytest.raises(DataError, match="keyframes"):
+        solve(problem, gauge, start=random_problem(1).initial)
 
 
 # How it ends

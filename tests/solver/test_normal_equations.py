@@ -208,7 +208,7 @@ def returning_flight(n_landmarks: int = 120) -> Problem:
 
 def require_dense_system(problem: Problem) -> None:
     equations = linearise(problem, problem.initial)
-    n = 9 * problem.initial.n_keyframes
+    n = problem.initial.n_motion
     J, r = dense_jacobian(problem, problem.initial), dense_residual(problem, problem.initial)
     damping = 1e-3 * equations.diagonal()
     H, g = J.T @ J + np.diag(damping), J.T @ r
@@ -241,6 +241,7 @@ def test_pieces_add_up_to_the_whole(piece, monkeypatch):
     monkeypatch.setattr(structure, "CALL_COST", 0.0)
     for problem in (
         random_problem(4, n_keyframes=30, n_landmarks=120, window=3),
+        random_problem(4, n_keyframes=30, n_landmarks=120, window=3, biases=True),
         random_problem(3, n_keyframes=6, n_landmarks=40),
         returning_flight(),
     ):

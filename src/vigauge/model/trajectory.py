@@ -12,6 +12,7 @@ from ..arrays import integers, reals, require_rotations
 from ..errors import DataError
 from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
+from ..kernels.sizes import KEYFRAME
 from .first_rotation import chain
 from .state import State
 
@@ -153,6 +154,9 @@ def trajectory_of(
         kinds = kinds or ()
     elif kinds is None:
         width = np.shape(covariance)[-1] if np.ndim(covariance) == 3 else 0
+        if isinstance(estimate, State) and estimate.has_biases and width == estimate.width:
+            # A trajectory has no biases.
+            width, covariance = KEYFRAME, np.asarray(covariance)[:, :KEYFRAME, :KEYFRAME]
         if width not in _USUAL_KINDS:
             rule = "must be (N, 6, 6) or (N, 9, 9), as covariance.keyframes(gauge) gives; else say kinds="
             raise DataError(_COVARIANCE, rule, value=np.shape(covariance))
