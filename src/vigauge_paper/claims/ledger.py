@@ -19,7 +19,7 @@ Row = dict[str, object]
 
 # In the order of the paper.
 THEMES: dict[str, tuple[Claim, ...]] = {
-    "What no measurement sees": THEORY,
+    "The gauge": THEORY,
     "The prior's weight": PRIOR_WEIGHT,
     "Accuracy": ACCURACY,
     "Cost": COST,

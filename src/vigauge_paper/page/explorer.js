@@ -14,7 +14,7 @@ const gaugeExplorer = (() => {
     fix: "Gauge fixation: the first position and heading cannot move, so their rows are zero (yellow).",
     keyframe: "The position and heading of one keyframe are held; its ellipse is a point.",
     centroid: "The mean position and the mean heading of all keyframes are held.",
-    motion: "Nothing is held: of all gauges that constrain the motion alone, this one has the least trace.",
+    motion: "Nothing is held: of all gauges that constrain the motion alone, this one has the least trace, all three added.",
     free: "The free gauge of the paper, the pseudo-inverse of the whole Hessian. Landmarks hold it as well, so the motion has four degrees of freedom more, and its NEES and log det are not those of the others.",
     prior: "Fixation, and on top the freedom that the prior leaves along the orbit.",
   };
@@ -223,7 +223,7 @@ const gaugeExplorer = (() => {
       { text: "gauge", at: at(1.2 * kappa, 1.22), anchor: "middle", fill: tint },
       { text: "Δθ", at: at(place + a, b + 0.1), anchor: "middle", fill: "#000" },
       { text: "carried", at: at(a, b + 0.1), anchor: "middle", fill: "#555" },
-      { text: "QΔθ", at: at(kappa * b, b + 0.1), anchor: "middle", fill: tint },
+      { text: "QΔθ", at: at(kappa * b, b + 0.22), anchor: "middle", fill: tint },
       { text: "θ", at: at(place, -0.2), anchor: "middle", fill: "#000" },
       { text: "θC", at: at(0.06 * widest(e), -0.13), anchor: "middle", fill: "#000" },
     ];
