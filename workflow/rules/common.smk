@@ -25,7 +25,7 @@ from vigauge_paper.prior import information
 from vigauge_paper.run.configuration import check_config, read_numbers
 from vigauge_paper.workflow.builds import Builds
 from vigauge_paper.workflow.cross_field import check_between_keys, check_front_ends
-from vigauge_paper.workflow.drawings import drawings
+from vigauge_paper.workflow.artefacts import artefacts
 from vigauge_paper.workflow import parameters
 from vigauge_paper.workflow.results import digest_where_made, producer, used_configuration, where_made
 from vigauge_paper.workflow.sequences import Sequences
@@ -53,7 +53,6 @@ READING = config["prior"]["reading"]
 PRIOR_INFORMATION = information(config["prior"]["weight"], READING)
 PRIOR_FLAGS = f"--prior-weight {config['prior']['weight']} --prior-reading {READING}"
 PAPER_SEQUENCES = SEQUENCES.of_the_paper
-DRAWINGS = drawings(config, SEQUENCES)
 EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
 # The paper's names of the sequences that are its own, for a command line.
 PUBLISHED_NAMES = [f"{name}={theirs}" for name, theirs in SEQUENCES.published_names.items()]
@@ -102,23 +101,27 @@ def published(*files):
     return [local(os.path.relpath(ROOT / "data/published" / file)) for file in files]
 
 
-def published_if_shown(*files):
-    return published(*files) if config["figures"]["show_published"] else []
-
-
 def results_of(*kinds):
     """Inputs of a rule: results of the experiment that a job is for, simulated or from images."""
     return lambda wildcards: reads(**{kind: [wildcards.experiment] for kind in kinds})
 
 
 def results_of_windows(wildcards):
-    """Results of the windows that neither check nor front-end refused, with all their stamps."""
+    """Results of the windows that neither check nor front-end refused."""
+    made = reads_of_windows()
+    return [*made["solutions"], *made["distances"]]
+
+
+def stamps_of_windows(wildcards):
+    return reads_of_windows()["stamps"]
+
+
+def reads_of_windows():
     reports = {name: checkpoints.front_end.get(sequence=name).output.report for name in SEQUENCES.windows}
     usable = [
         name for name, file in reports.items() if "stopped_at" not in json.loads(Path(file).read_text())
     ]
-    files = reads(problems=usable, solutions=usable, distances=usable)
-    return {"solved": [*files["solutions"], *files["distances"]], "stamps": files["stamps"]}
+    return reads(problems=usable, solutions=usable, distances=usable)
 
 
 def in_report(file, category, figure, shows, source="simulation", caption=None):
@@ -128,21 +131,28 @@ def in_report(file, category, figure, shows, source="simulation", caption=None):
     return report(f"{OUT}/{file}", caption=caption, category=category, labels=labels)
 
 
-def figure_image(key, source=""):
-    """The PNG of a figure."""
+def shown(key, source):
+    """A table, or the PNG of a figure, in the report."""
+    if key in TABLES:
+        return in_report(f"{key}.csv", "Tables", TABLES[key], "the paper's table", source or "simulation")
     figure = FIGURES[key]
     # Of no source: the files of Figures 1, 10 and 11 have EuRoC in their names, whatever they show.
     shows = re.sub(r"^fig\d*_", "", figure.stem).replace("euroc_", "").replace("_euroc", "").replace("_", " ")
     return in_report(f"{figure.stem}.png", "Figures", figure.title, shows, source or "simulation", key)
 
 
-def beside_image(key):
-    """What stands beside the PNG: the PDF, and the numbers shown."""
-    return multiext(f"{OUT}/{FIGURES[key].stem}", ".pdf", FIGURES[key].numbers)
+def beside(key):
+    """What stands beside it: further formats, and the numbers shown in a figure."""
+    table = key in TABLES
+    return multiext(
+        f"{OUT}/{key if table else FIGURES[key].stem}",
+        *((".md", ".tex") if table else (".pdf", FIGURES[key].numbers)),
+    )
 
 
-def reads_of(drawing):
-    """Inputs of a drawing: its results by flag, and the stamps of all."""
-    files = {flag: made(read.kind, read.names) for flag, read in drawing.reads.items()}
-    stamps = [stamp for read in drawing.reads.values() for stamp in made(read.kind, read.names, stamp=True)]
-    return {**files, "stamps": list(dict.fromkeys(stamps))}
+def reads_of(artefact):
+    """Inputs of a table or figure: results and numbers by flag, and the stamps of all."""
+    files = {flag: made(read.kind, read.names) for flag, read in artefact.reads.items()}
+    stamps = [stamp for read in artefact.reads.values() for stamp in made(read.kind, read.names, stamp=True)]
+    numbers = {flag: f"{OUT}/{FIGURES[key].stem}.csv" for flag, key in artefact.numbers.items()}
+    return {**files, **numbers, "stamps": list(dict.fromkeys(stamps))}

@@ -11,8 +11,8 @@ JUDGED = {
     **{kind: [SWEEP] for kind in ("sweep", "sweep_trace")},
 }
 # Only made when asked for, and shown where someone has.
-SENSITIVITY = rules.sensitivity_summary.output.summary
-WINDOWS = rules.windows_table.output.md
+SENSITIVITY = rules.sensitivity.output.summary
+WINDOWS = rules.windows.output.md
 SUMMARISED = ["table2", "table3", FIGURES["fig07"].stem, FIGURES["fig11"].stem]
 
 
@@ -64,7 +64,7 @@ rule claims:
         criteria=section("claims"),
         reading=READING,
         evidence=parameters.from_the_output(EVIDENCE),
-        sensitivity=where_made("--sensitivity", SENSITIVITY),
+        sensitivity=where_made("sensitivity", SENSITIVITY),
         sensitivity_digest=digest_where_made(SENSITIVITY),
     message:
         "Judging the paper's claims"
@@ -122,7 +122,7 @@ rule index:
         tables=parameters.named("tables", TABLES),
         figures=parameters.named("images", IMAGES),
         evidence=parameters.named("evidence", SHOWING),
-        published=[key for drawing in DRAWINGS for key in drawing.figures.values() if drawing.published],
+        published=[key for a in ARTEFACTS for key in a.shows.values() if a.published and key in FIGURES],
         extensions=lambda wildcards: BUILDS.extensions({"Other parts of the recordings": WINDOWS}),
         spread=where_made("--spread", rules.spread_table.output.csv),
         extensions_digest=[digest_where_made(table) for table in (WINDOWS, rules.spread_table.output.csv)],
@@ -162,7 +162,7 @@ rule comparison:
         seed=config["claims"]["seed"],
         source=SEQUENCES.source_of_claims,
         names=PUBLISHED_NAMES if SEQUENCES.are_published else [],
-        sensitivity=where_made("--sensitivity", SENSITIVITY),
+        sensitivity=where_made("sensitivity", SENSITIVITY),
         sensitivity_digest=digest_where_made(SENSITIVITY),
     message:
         "Published numbers and ours, with ranges and ratios"

@@ -29,7 +29,7 @@ rule sensitivity_setting:
         " {params.output:q} --stamp {output.stamp:q} &> {log:q}"
 
 
-rule sensitivity_summary:
+rule sensitivity:
     input:
         expand(rules.sensitivity_setting.output.tables, setting=SWEPT),
         published=published("table2.csv"),
@@ -53,8 +53,3 @@ rule sensitivity_summary:
         "python -m vigauge_paper.commands.sensitivity_summary --folder {params.folder:q}"
         " --settings {params.settings:q} {params.published} --criteria {params.criteria:q}"
         " --output {output.summary:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
-
-
-rule sensitivity:
-    input:
-        rules.sensitivity_summary.output.summary,

@@ -3,7 +3,7 @@
 CHANGED = [name for names in SEQUENCES.spread.values() for name in names]
 
 
-rule spread_table:
+rule spread:
     input:
         **reads(solutions=CHANGED),
     output:
@@ -22,8 +22,3 @@ rule spread_table:
     shell:
         "python -m vigauge_paper.commands.spread --changes {params.changes:q} --solutions {params.solutions:q}"
         " --output {output.csv:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
-
-
-rule spread:
-    input:
-        rules.spread_table.output.csv,

@@ -1,11 +1,12 @@
 """Other parts of the recordings, as sequences of their own: `snakemake --cores 2 windows`."""
 
 
-rule windows_table:
+rule windows:
     input:
-        unpack(results_of_windows),
         checks=expand(rules.check_sequence.output, sequence=SEQUENCES.windows),
         reports=expand(rules.front_end.output.report, sequence=SEQUENCES.windows),
+        solved=results_of_windows,
+        stamps=stamps_of_windows,
     output:
         csv=f"{OUT}/windows.csv",
         md=f"{OUT}/windows.md",
@@ -25,8 +26,3 @@ rule windows_table:
         "python -m vigauge_paper.commands.windows --windows {params.windows:q} --data {params.data:q}"
         " --source {params.source} --output {output.csv:q} --summary {output.summary:q}"
         " --stamps {input.stamps:q} &> {log:q}"
-
-
-rule windows:
-    input:
-        rules.windows_table.output.csv,

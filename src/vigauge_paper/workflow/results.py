@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -48,9 +49,9 @@ def where_made(flag: str, table: str) -> str:
 
     Not an input: whoever shows it would then make it.
     """
-    stamp = str(Path(table).with_suffix(".stamp.json"))
-    there = Path(table).is_file() and Path(stamp).is_file()
-    return f"{flag} {table} {flag}-stamp {stamp}" if there else ""
+    stamp = Path(table).with_suffix(".stamp.json")
+    there = Path(table).is_file() and stamp.is_file()
+    return shlex.join([f"--{flag}", table, f"--{flag}-stamp", str(stamp)]) if there else ""
 
 
 def digest_where_made(table: str) -> str:

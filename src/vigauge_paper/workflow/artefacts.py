@@ -1,4 +1,4 @@
-"""The rules that draw figures: one command each, with what it reads, its settings and the paper's numbers."""
+"""The rules of tables and figures: a command each, with what it reads, settings and the paper's numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vigauge_paper.figures.registry import FIGURES
-from vigauge_paper.ids import FIGURE7_ORDER
+from vigauge_paper.ids import CONFIGURATIONS, FIGURE7_ORDER, TABLES
 
 from .sequences import Sequences
 
@@ -25,32 +25,36 @@ class Read:
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """A command that draws figures.
+class Artefact:
+    """A command that makes a table or draws figures.
 
     Attributes
     ----------
     name, command : of the rule; module of vigauge_paper.commands
-    figures : keys of the figures, by the flag of their image
+    shows : keys of its table or figures, by the flag of the file
     reads, settings : what goes behind further flags
     published : files of the paper's numbers, none where they are not shown
     by_folder : whether the command wants their folder, not the file
     source : of the sequences shown, or empty
+    numbers : keys of figures whose numbers it reads, by flag
+    aside : a table that is made only when asked for, by flag; shown where someone has
     """
 
     name: str
     command: str
-    figures: Mapping[str, str]
+    shows: Mapping[str, str]
     reads: Mapping[str, Read]
     settings: Mapping[str, Any] = field(default_factory=dict)
     published: tuple[str, ...] = ()
     by_folder: bool = True
     source: str = ""
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    aside: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
-        """What a terminal says while it is drawn."""
-        return ", ".join(FIGURES[key].title for key in self.figures.values())
+        """What a terminal says while it is made."""
+        return ", ".join(TABLES[key] if key in TABLES else FIGURES[key].title for key in self.shows.values())
 
     @property
     def settings_line(self) -> str:
@@ -67,18 +71,20 @@ class Drawing:
             files = list(getattr(input, flag))
             pairs = zip(read.names, files, strict=True) if read.named else ()
             parts += [f"--{flag}", *([f"{name}={file}" for name, file in pairs] or files)]
+        for flag in self.numbers:
+            parts += [f"--{flag}", str(getattr(input, flag))]
         if input.published:
             file = str(input.published[0])
             parts += ["--published", str(Path(file).parent)] if self.by_folder else ["--published-file", file]
         return shlex.join(parts)
 
-    def images_line(self, wildcards: Any, output: Any) -> str:
-        """Parameter of the rule: flags of the images that it draws."""
-        return shlex.join(word for flag in self.figures for word in (f"--{flag}", getattr(output, flag)))
+    def outputs_line(self, wildcards: Any, output: Any) -> str:
+        """Parameter of the rule: flags of the files that it makes."""
+        return shlex.join(word for flag in self.shows for word in (f"--{flag}", getattr(output, flag)))
 
 
-def drawings(config: Mapping[str, Any], sequences: Sequences) -> list[Drawing]:
-    """All that are drawn, under a configuration."""
+def artefacts(config: Mapping[str, Any], sequences: Sequences, spread: str) -> list[Artefact]:
+    """All tables and figures under a configuration; ``spread`` is the table of harmless changes."""
     figures, reading, source = config["figures"], config["prior"]["reading"], sequences.source
     sweep, paper = (config["prior"]["sweep_configuration"],), sequences.of_the_paper
     hall, room = ((name,) for name in paper)
@@ -90,22 +96,55 @@ def drawings(config: Mapping[str, Any], sequences: Sequences) -> list[Drawing]:
     def stems(*keys: str) -> tuple[str, ...]:
         return tuple(f"{FIGURES[key].stem}.csv" for key in keys)
 
-    def cost(name: str, key: str, names: tuple[str, ...], made_from: str, theirs: Sequence[str]) -> Drawing:
+    def cost(name: str, key: str, names: tuple[str, ...], made_from: str, theirs: Sequence[str]) -> Artefact:
         reads = {"solutions": Read("solutions", names, True), "timings": Read("timings", names, True)}
         beside = {"published-file": stems(key)[0], "published-names": list(theirs)} if theirs else {}
         shown = stems(key) if theirs else ()
         settings = {"source": made_from, **beside}
-        return Drawing(name, "figure_cost", {"output": key}, reads, settings, shown, source=_shown(made_from))
+        return Artefact(
+            name, "figure_cost", {"output": key}, reads, settings, shown, source=_shown(made_from)
+        )
 
     def covariance(
         name: str, key: str, reads: Mapping[str, Read], kind: str, made_from: str, published: tuple[str, ...]
-    ) -> Drawing:
+    ) -> Artefact:
         settings = {"kind": kind, "source": made_from}
-        return Drawing(
+        return Artefact(
             name, "figure_covariance", {"output": key}, reads, settings, published, False, _shown(made_from)
         )
 
+    names = sequences.names
     return [
+        Artefact(
+            "table1",
+            "tables",
+            {"output": "table1"},
+            {"covariance": Read("covariances", sweep)},
+            {"table": 1},
+        ),
+        Artefact(
+            "table2",
+            "tables",
+            {"output": "table2"},
+            {"solutions": Read("solutions", tuple(CONFIGURATIONS), True)},
+            {"table": 2},
+            published=("table2.csv",) if show else (),
+        ),
+        Artefact(
+            "table3",
+            "tables",
+            {"output": "table3"},
+            {"solutions": Read("solutions", names, True), "reports": Read("reports", names, True)},
+            {
+                "table": 3,
+                "source": source,
+                "published-names": [f"{name}={theirs}" for name, theirs in sequences.published_names.items()],
+            },
+            numbers={"errors": "fig_errors"},
+            aside={"spread": spread},
+            published=("table3.csv",) if show else (),
+            source=source,
+        ),
         covariance(
             "figure_ellipses",
             "fig01",
@@ -114,7 +153,7 @@ def drawings(config: Mapping[str, Any], sequences: Sequences) -> list[Drawing]:
             source,
             stems("fig01") if show_on_sequences else (),
         ),
-        Drawing(
+        Artefact(
             "figure_orbit",
             "figure_orbit",
             {"paths": "fig02", "transformation": "fig08"},
@@ -126,14 +165,14 @@ def drawings(config: Mapping[str, Any], sequences: Sequences) -> list[Drawing]:
                 "solver": json.dumps(config["solver"], sort_keys=True),
             },
         ),
-        Drawing(
+        Artefact(
             "figure_scenes",
             "figure_scenes",
             {"output": "fig03"},
             {"truths": Read("truths", scenes), "paths": Read("paths", scenes)},
             {"names": scenes},
         ),
-        Drawing(
+        Artefact(
             "figure_prior",
             "figure_prior",
             {"accuracy": "fig04", "cost": "fig05", "paths": "fig06"},
@@ -169,14 +208,14 @@ def drawings(config: Mapping[str, Any], sequences: Sequences) -> list[Drawing]:
             source,
             [sequences.published_names[name] for name in paper] if show_on_sequences else (),
         ),
-        Drawing("figure_nees", "figure_nees", {"output": "nees"}, {"table": Read("reasons", ("nees",))}),
-        Drawing(
+        Artefact("figure_nees", "figure_nees", {"output": "nees"}, {"table": Read("reasons", ("nees",))}),
+        Artefact(
             "figure_reading",
             "figure_reading",
             {"output": "prior_reading"},
             {"pulls": Read("reasons", ("reading",))},
         ),
-        Drawing(
+        Artefact(
             "figure_errors",
             "figure_errors",
             {"output": "fig_errors"},
