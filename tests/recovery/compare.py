@@ -43,6 +43,8 @@ def _reader(name: Path, timed: set[str]) -> Callable[[Path], object] | None:
         return lambda path: _without(path, "timings")
     if name.name in TIMES_ONLY or name.parent.name in TIMES_ONLY:
         return None
+    if name.name == "source.json":
+        return lambda path: json.loads(path.read_text("utf-8"))  # in the order in which jobs were planned
     if name.name == "environment.json":
         return lambda path: _without(path, "speed")
     if name.name.startswith(DRAWN_TIMES):
@@ -83,4 +85,5 @@ def _timed_claims(project: Path) -> set[str]:
 
 def _of(timed: set[str], line: str) -> bool:
     """Whether a line of the ledger or the summary tells of a timed claim, or counts verdicts."""
-    return line.startswith("Claims: ") or any(f"| {text} |" in line for text in timed)
+    counts = re.match(r"Claims: |\d+ of \d+ claims of the paper hold", line)
+    return counts is not None or any(f"| {text} |" in line for text in timed)

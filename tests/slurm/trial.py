@@ -112,11 +112,11 @@ def main() -> None:
     options = arguments.parse_args()
     # Where all nodes see it, which /tmp often is not.
     folder = Path(tempfile.mkdtemp(prefix="vigauge_slurm.", dir=Path.home())).resolve()
-    reference = options.reference
-    if reference is None:
-        reference = make_project(folder / "reference")
-        finish(reference, "smoke")
-    project = make_project(folder / "project")
+    # Copied at once: both are of the same sources, whoever edits them meanwhile.
+    project, local = make_project(folder / "project"), make_project(folder / "reference")
+    reference = options.reference or local
+    if reference is local:
+        finish(local, "smoke")
 
     left_alone, words = killed(project)
     sys.stderr.write(f"second start: {words}\n")
