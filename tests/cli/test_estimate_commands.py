@@ -126,9 +126,7 @@ def test_diagnose_says_what_is_observable(tmp_path: Path, example: Path) -> None
 def test_what_is_degenerate_is_withheld(tmp_path: Path) -> None:
     """Status 1, a sentence that names what is open, and no file."""
     problem = vg.example_problem()
-    keep = problem.inertial.second < 7
-    cut = {name: getattr(problem.inertial, name)[keep] for name in problem.inertial.__dataclass_fields__}
-    blind = replace(problem, inertial=vg.InertialFactors(**cut))
+    blind = replace(problem, inertial=problem.inertial.only(problem.inertial.second < 7))
     path, out = tmp_path / "problem.npz", tmp_path / "poses.csv"
     vg.save_problems(path, [problem, blind])
     done = command("diagnose", path, "--problem", 1, "--at-start")

@@ -116,6 +116,17 @@ def test_factors_say_all_of_the_biases_or_nothing(change, field):
     assert caught.value.field == field
 
 
+def test_some_factors_keep_all_that_they_know():
+    """Catches rows of one array left behind, or a bias that is lost."""
+    for inertial in (PROBLEM.inertial, BIASED.inertial):
+        some = inertial.only(np.array([3, 1]))
+        assert some.first.tolist() == inertial.first[[3, 1]].tolist()
+        assert np.array_equal(some.covariance, inertial.covariance[[3, 1]])
+        assert some.has_biases == inertial.has_biases
+        assert len(inertial.only(inertial.second > 1).dt) == np.count_nonzero(inertial.second > 1)
+    assert np.array_equal(some.by_gyro_bias, inertial.by_gyro_bias[[3, 1]])
+
+
 def test_biases_without_a_walk_are_refused():
     """Catches an infinite information of the step between two keyframes' biases."""
     samples = ImuSamples(10_000_000 * np.arange(50), np.zeros((50, 3)), np.ones((50, 3)))

@@ -7,10 +7,10 @@ works on whole arrays.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,6 +153,11 @@ class InertialFactors:
             covariance=covariance,
             **of_biases,
         )
+
+    def only(self, rows: NDArray[Any]) -> InertialFactors:
+        """The factors of some rows: their numbers, or a mask (F,)."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{name: a[rows] for name, a in arrays.items() if a is not None})
 
     @property
     def has_biases(self) -> bool:
