@@ -45,6 +45,36 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
         raise
 
 
+@contextmanager
+def atomic_folder(target: str | os.PathLike[str]) -> Iterator[Path]:
+    """A temporary folder beside ``target``, which takes its place when the block ends well.
+
+    A folder that is there is replaced then; on an error it stays as it was. What a killed process left
+    behind is removed.
+
+    Raises OutputError where the operating system refuses: full disk, no permission.
+    """
+    target = Path(target)
+    temporary, old = (
+        target.with_name(f".{target.stem}{word}.{os.getpid()}{target.suffix}") for word in ("", ".old")
+    )
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(target)
+        temporary.mkdir()
+        yield temporary
+        if target.exists():
+            target.rename(old)
+        temporary.rename(target)
+    except OSError as error:
+        raise OutputError(
+            f"{target}: cannot be written: {error.strerror or error}; nothing was changed"
+        ) from error
+    finally:
+        for folder in (temporary, old):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
 def _remove(temporary: Path) -> None:
     # A folder that may not be written is why the file could not be made: there is none then.
     with suppress(PermissionError, NotADirectoryError):

@@ -13,6 +13,7 @@ COMMANDS = {
     "check": ("check_sequence", "check a recording in ASL (EuRoC) layout"),
     "covariance": ("covariance", "the covariance of an estimate in a gauge, as a file"),
     "diagnose": ("diagnose", "what the measurements of an estimate determine, in a sentence"),
+    "estimate": ("estimate", "motion, biases and covariance from a recording, without a ground truth"),
     "import-rosbag": ("import_rosbag", "turn a rosbag and Kalibr's calibration into an ASL folder"),
 }
 

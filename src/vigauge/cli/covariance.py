@@ -11,20 +11,20 @@ import scipy.linalg
 
 from vigauge.cli.command import EXIT_DEFECT, LOG, parser, run
 from vigauge.cli.estimate_file import EXIT_WITHHELD, Information, add_arguments, read, state_of
+from vigauge.cli.names import gauge_of
 from vigauge.covariance.covariance import Covariance
 from vigauge.errors import DataError, DegenerateError, SolverError
-from vigauge.gauge.gauges import CentroidGauge, FixedGauge, FreeGauge, Gauge, KeyframeGauge
+from vigauge.gauge.gauges import Gauge
 from vigauge.model.problem import Problem
 from vigauge.model.trajectory_files import save_trajectory
 from vigauge.observability.diagnosis import diagnose_equations
 
-_GAUGES: dict[str, Gauge] = {"first": FixedGauge(), "centroid": CentroidGauge(), "free": FreeGauge()}
 _KINDS = ("position", "rotation", "velocity")
 _OF = {"poses": _KINDS[:2], "velocities": _KINDS[2:], "all": _KINDS}
 
 
 def work(options: argparse.Namespace) -> None:
-    gauge = _gauge(options.gauge)
+    gauge = gauge_of(options.gauge)
     if options.out.suffix.lower() not in (".csv", ".npz"):
         raise DataError("--out", "must end in .csv or .npz", value=str(options.out))
     given = read(options.file, options.problem)
@@ -73,15 +73,6 @@ def _by_increments_in_world(blocks: np.ndarray, given: Information, kinds: list[
     J = np.stack([scipy.linalg.block_diag(A, rest) for A in world])
     out: np.ndarray = J @ blocks @ J.swapaxes(1, 2)
     return out
-
-
-def _gauge(text: str) -> Gauge:
-    word, _, key = text.partition(":")
-    if word == "keyframe" and key.isascii() and key.isdigit():
-        return KeyframeGauge(int(key))
-    if text not in _GAUGES:
-        raise DataError("--gauge", f"must be {', '.join(_GAUGES)} or keyframe:K", value=text)
-    return _GAUGES[text]
 
 
 def main() -> None:
