@@ -26,6 +26,6 @@ def loss_of(text: str) -> Loss | None:
     word, _, delta = text.partition(":")
     try:
         return LOSSES[word](float(delta))
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, DataError) as error:
         rule = "must be none, huber:D or cauchy:D, with D in sigmas above 0"
         raise DataError("--loss", rule, value=text) from error

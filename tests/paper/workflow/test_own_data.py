@@ -70,9 +70,16 @@ def test_flags_of_the_page_exist() -> None:
     """A command of the page with a flag that a program does not know."""
     page = (ROOT / "docs" / "your_own_data.md").read_text("utf-8")
     environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
-    for module, arguments in re.findall(r"python -m (vigauge\.cli\.\w+)((?:[^\n]|\\\n)*)", page):
+    commands = re.findall(r"^vigauge ([a-z-]+)((?:[^\n]|\\\n)*)", page, flags=re.MULTILINE)
+    commands.append(("estimate", page.split("| flag | meaning |")[1].split("\n\n")[0]))
+    assert {word for word, _ in commands} == {"check", "estimate", "import-rosbag"}
+    for word, arguments in commands:
         done = subprocess.run(
-            ["python", "-m", module, "--help"], capture_output=True, text=True, env=environment, check=True
+            ["python", "-m", "vigauge.cli", word, "--help"],
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=True,
         )
         for flag in re.findall(r"--[a-z][a-z-]*", arguments):
-            assert flag in done.stdout, (module, flag)
+            assert flag in done.stdout, (word, flag)

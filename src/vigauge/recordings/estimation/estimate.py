@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...covariance.consistency import GroupChiSquare, chi_square
 from ...covariance.covariance import Covariance
 from ...errors import DataError, DegenerateError, SolverError
-from ...gauge.gauges import FixedGauge, FreeGauge, Gauge
+from ...gauge.gauges import FixedGauge, FreeGauge, Gauge, KeyframeGauge
 from ...geometry.so3 import Array
 from ...model.imu import ImuNoise
 from ...model.loss import Loss
@@ -131,8 +131,9 @@ def estimate(
     keyframes : their number; None: by the length of the window
     gauge, gauge_name : gauge of the covariance, and what to call it; the first pose by default
     loss : robust loss of reprojection errors; None: squares
-    noise : "fitted": pixel sigma and a factor on the inertial densities, so that both chi-squares are one a
-        redundancy; "stated": one pixel and the densities of ``imu0/sensor.yaml``
+    noise : "fitted": pixel sigma and a factor on the inertial densities, so that chi-squares per
+        redundancy are one, but not below the stated densities; "stated": one pixel and the densities of
+        ``imu0/sensor.yaml``
     camera_time_offset_ns : added to stamps of frames to get the clock of the inertial sensor
     progress : show a bar on standard error, where that is a terminal
 
@@ -152,9 +153,11 @@ def estimate(
     else:
         end = float("inf") if end_s is None else end_s
         part = part_of(sequence, start_s or 0.0, end, camera_time_offset_ns)
+    tracker, count = tracking(sequence, part, keyframes)
+    if isinstance(gauge, KeyframeGauge) and not 0 <= gauge.index < count:
+        raise DataError("gauge", f"must be a keyframe from 0 to {count - 1}", value=gauge.index)
     warnings = list(_checked(sequence, part, camera_time_offset_ns))
     sequence, more = _with_walks(sequence)
-    tracker, count = tracking(sequence, part, keyframes)
     _LOG.info("%s: window %s, %d keyframes of %d frames", sequence.name, part, count, part.frames)
     settings = _settings(sequence, part, tracker, count, camera_time_offset_ns)
     problem, t_ns, report = build_problem(sequence, None, settings, progress=progress)
@@ -182,7 +185,7 @@ def estimate(
         diagnosis=diagnosis,
         report=report,
         observable=(diagnosis.sentence, _GAUGE, *report.aligned.get("remarks", ())),
-        warnings=(*warnings, *more, *_doubts(fit, noise)),
+        warnings=(*warnings, *more, *_doubts(fit)),
         truths=tuple(compare_with_truths(sequence, solution.state, t_ns)),
     )
 
@@ -255,35 +258,47 @@ def _fit_noise(solve: _Solve, stated: Problem, noise: str) -> tuple[NoiseFit, Pr
     """Solve at the stated noise, then, if asked to, scale both kinds until their chi-squares are one.
 
     These are variance components: a group's chi-square per redundancy estimates the factor on its variance.
+    Inertial noise is not taken below what its sensor states: few residuals tell it, and steady biases shrink
+    them.
     """
     problem, solution = solve.at(stated, 1.0)
     first = found = chi_square(problem, solution.state)
     sigma_px, factor = SIGMA_PX, 1.0
     for _ in range(_ROUNDS if noise == "fitted" else 0):
-        if max(abs(found.visual - 1.0), abs(found.inertial - 1.0)) < _SETTLED:
+        larger = max(factor * float(np.sqrt(found.inertial)), 1.0)
+        if max(abs(found.visual - 1.0), abs((larger / factor) ** 2 - 1.0)) < _SETTLED:
             break
-        sigma_px, factor = sigma_px * np.sqrt(found.visual), factor * np.sqrt(found.inertial)
+        sigma_px, factor = sigma_px * float(np.sqrt(found.visual)), larger
         problem, solution = solve.at(stated.with_noise(sigma_px, factor).with_initial(solution.state), factor)
         found = chi_square(problem, solution.state)
-    return NoiseFit(float(sigma_px), float(factor), first, found), problem, solution
+    return NoiseFit(sigma_px, factor, first, found), problem, solution
 
 
-def _doubts(fit: NoiseFit, noise: str) -> list[str]:
+def _doubts(fit: NoiseFit) -> list[str]:
     """Sentences on chi-squares that say that sigmas cannot be trusted."""
-    low, high = CHI_SQUARE_BAND
+    used, low = fit.at_used, CHI_SQUARE_BAND[0]
     out = []
-    for kind, value, flag in (
-        ("visual", fit.at_used.visual, "pixel noise"),
-        ("inertial", fit.at_used.inertial, "inertial noise"),
+    for kind, value, redundancy in (
+        ("image", used.visual, used.visual_redundancy),
+        ("inertial", used.inertial, used.inertial_redundancy),
     ):
-        if not low <= value <= high:
+        high = _largest(redundancy)
+        # Small inertial residuals make sigmas too large, which is no harm; few of them often are small.
+        if value > high or (kind == "image" and value < low):
             out.append(
-                f"sigmas cannot be trusted: the {kind} chi-square is {value:.2g} a redundancy ({low:g} to "
-                f"{high:g} expected), so the {flag} is {np.sqrt(value):.2g} times what is believed"
+                f"sigmas cannot be trusted: the chi-square of the {kind} residuals is {value:.2g} per "
+                f"redundancy, outside {low:g} to {high:.2g}: the noise is {np.sqrt(value):.2g} times what is "
+                "believed; --noise fitted scales it"
             )
-    if noise == "fitted" and not low <= fit.density_factor**2 <= high:
+    if fit.density_factor > 1.0 and fit.at_stated.inertial > _largest(fit.at_stated.inertial_redundancy):
         out.append(
-            f"sigmas are for inertial densities {fit.density_factor:.2g} times those of imu0/sensor.yaml, as "
-            "the residuals ask: vibration, clocks or calibration may be the cause, and these are no noise"
+            f"inertial residuals ask for densities {fit.density_factor:.2g} times those of imu0/sensor.yaml, "
+            "and sigmas count them as noise: vibration, clocks or calibration may be the cause, whose errors "
+            "do not average out, so true errors can be several sigmas"
         )
     return out
+
+
+def _largest(redundancy: float) -> float:
+    """Largest chi-square per redundancy that noise gives, by three of its own sigmas, and the band."""
+    return max(CHI_SQUARE_BAND[1], 1.0 + 3.0 * float(np.sqrt(2.0 / redundancy)))

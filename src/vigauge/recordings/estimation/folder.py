@@ -129,6 +129,7 @@ def lines(one: Estimate, target: Path) -> list[str]:
     """The estimate in some ten lines for a terminal."""
     s = summary(one)
     sigma, biases, noise = s["sigma_rms"], s["biases"], s["noise"]
+    stated, chi = one.noise.at_stated, one.noise.at_used
 
     def three(kind: str, unit: str) -> str:
         pairs = zip(biases[f"{kind}_{unit}"], biases[f"{kind}_sigma_{unit}"], strict=True)
@@ -142,8 +143,8 @@ def lines(one: Estimate, target: Path) -> list[str]:
         ("gyroscope", f"{three('gyro', 'radps')} rad/s"),
         ("accelerometer", f"{three('accel', 'mps2')} m/s^2"),
         ("noise", f"{noise['sigma_px']:.2f} px, stated densities x {noise['density_factor']:.2g}"),
-        ("chi-squares", "images {visual_chi_square:.2f}, inertial {inertial_chi_square:.2f}".format(**noise)),
-        ("as stated", "images {visual_chi_square_stated:.2g}, inertial {inertial_chi_square_stated:.2g}".format(**noise)),
+        ("chi-squares", f"images {chi.visual:.2f}, inertial {chi.inertial:.2f} per redundancy"),
+        ("as stated", f"images {stated.visual:.2g} (at 1 px), inertial {stated.inertial:.2g}"),
         *(("known", text) for text in one.observable),
         *(("truth, unused", str(truth)) for truth in one.truths),
         ("written", f"{target}{os.sep}"),

@@ -14,7 +14,7 @@ from ...geometry.so3 import Array
 from ...model.evaluation import trajectory_errors
 from ...model.imu import ImuSamples
 from ...model.state import State
-from ..asl.ground_truth import GroundTruth, read_ground_truth
+from ..asl.ground_truth import GroundTruth, read_ground_truth, truth_folders
 from ..asl.sequence import Sequence
 from ..asl.truth_steps import find_steps, without_steps
 
@@ -72,17 +72,18 @@ class TruthComparison:
 
 
 def compare_with_truths(sequence: Sequence, state: State, t_ns: NDArray[np.int64]) -> list[TruthComparison]:
-    """One comparison for each ``state_groundtruth_*`` folder; a truth that cannot be used says why."""
+    """One comparison for each ground truth there is; one that cannot be used says why."""
     return list(_comparisons(sequence, state, t_ns))
 
 
 def _comparisons(sequence: Sequence, state: State, t_ns: NDArray[np.int64]) -> Iterator[TruthComparison]:
-    for folder in sorted((sequence.folder / "mav0").glob("state_groundtruth_*")):
+    mav = sequence.folder / "mav0"
+    for name in truth_folders(mav):
         try:
-            truth = read_ground_truth(folder)
-            yield _compared(folder.name, truth, sequence.imu, state, t_ns)
+            truth = read_ground_truth(mav / name)
+            yield _compared(name, truth, sequence.imu, state, t_ns)
         except VigaugeError as error:
-            yield TruthComparison(folder.name, refused=str(error))
+            yield TruthComparison(name, refused=str(error))
 
 
 def _compared(

@@ -58,7 +58,7 @@ def part_of(sequence: Sequence, start_s: float, end_s: float, offset_ns: int = 0
     length = float(inside[-1] - inside[0]) if len(inside) else 0.0
     if len(inside) < LEAST_KEYFRAMES or length < LEAST_S:
         rule = (
-            f"window too short: {start_s:g} to {end_s:g} s has {len(inside)} stereo frames over "
+            f"window too short: {start_s:g} to {end_s:g} s has {len(inside)} frames over "
             f"{length:.2f} s; {LEAST_KEYFRAMES} over {LEAST_S:g} s are needed, and the recording has "
             f"{len(seconds)} over {seconds[-1]:.2f} s"
         )
@@ -100,11 +100,17 @@ def best(parts: list[Part]) -> Part:
 
 
 def tracking(sequence: Sequence, part: Part, keyframes: int | None) -> tuple[str, int]:
-    """How points of a part are followed, and its number of keyframes where none is asked for."""
+    """How points of a part are followed, and its number of keyframes, by its length where none is asked for.
+
+    Raises DataError for a number that it does not have frames for, or that is too small.
+    """
     seconds = frame_seconds(sequence)
     inside = seconds[(seconds >= part.start_s) & (seconds <= part.end_s)]
     tracker = "optical_flow" if float(np.median(np.diff(inside))) <= _FLOW_PERIOD_S else "descriptors"
     if keyframes is None:
         wanted = round((part.end_s - part.start_s) / _SPACING_S) + 1
         keyframes = min(max(wanted, LEAST_KEYFRAMES), MOST_KEYFRAMES, part.frames)
+    if not LEAST_KEYFRAMES <= keyframes <= part.frames:
+        rule = f"must be from {LEAST_KEYFRAMES} to {part.frames}, the frames of {part}"
+        raise DataError("keyframes", rule, value=keyframes)
     return tracker, keyframes
