@@ -124,7 +124,7 @@ rule index:
         evidence=parameters.named("evidence", SHOWING),
         published=[key for a in ARTEFACTS for key in a.shows.values() if a.published and key in FIGURES],
         extensions=lambda wildcards: BUILDS.extensions({"Other parts of the recordings": WINDOWS}),
-        spread=where_made("--spread", rules.spread.output.csv),
+        spread=where_made("spread", rules.spread.output.csv),
         extensions_digest=[digest_where_made(table) for table in (WINDOWS, rules.spread.output.csv)],
         source=SEQUENCES.source_of_claims,
     message:
