@@ -58,14 +58,16 @@ def test_every_link_leads_somewhere_in_the_page(material: Material) -> None:
 
 def test_nothing_is_fetched_from_anywhere(material: Material) -> None:
     """Catches a script, style, font or image from a server: the page would need a network."""
-    text = index_page(material)
+    # With the explorer's library, whose first line has the address of its home.
+    text = index_page(replace(material, explorers=[{"name": "still", "withheld": "It does not move"}]))
+    assert "Mike Bostock" in text
     assert all(source.startswith("data:") for source in Attributes(text).named("src"))
     # Names of XML vocabularies are no addresses: nobody fetches them.
     addresses = {
         a for a in re.findall(r"\bhttps?://[^\s\"'`)<]*", text) if not a.startswith("http://www.w3.org/")
     }
     assert not addresses
-    assert "@import" not in text and "url(" not in text
+    assert not re.search(r"@import|url\((?!#)", text)
 
 
 def test_verdicts_reasons_and_failures_are_in_sight(material: Material) -> None:
