@@ -1,7 +1,8 @@
-"""The profile for Slurm."""
+"""The profile for Slurm, and the record of the run on one (`make test-slurm`)."""
 
 from __future__ import annotations
 
+import csv
 import re
 
 import yaml
@@ -21,3 +22,10 @@ def test_every_timed_stage_has_its_node_to_itself() -> None:
     resources = profile["set-resources"]
     alone = {name for name, value in resources.items() if value == {"slurm_extra": "'--exclusive'"}}
     assert timed and alone == timed
+
+
+def test_every_recorded_check_holds() -> None:
+    """Catches a record that nobody looked at."""
+    with (ROOT / "docs" / "slurm.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert rows and all(row["holds"] == "True" for row in rows)
