@@ -113,10 +113,12 @@ def results_of_windows(wildcards):
 
 
 def stamps_of_windows(wildcards):
+    """Stamps of all that these windows were made from."""
     return reads_of_windows()["stamps"]
 
 
 def reads_of_windows():
+    """What is there of them once every front-end has run: a checkpoint."""
     reports = {name: checkpoints.front_end.get(sequence=name).output.report for name in SEQUENCES.windows}
     usable = [
         name for name, file in reports.items() if "stopped_at" not in json.loads(Path(file).read_text())
@@ -143,11 +145,9 @@ def shown(key, source):
 
 def beside(key):
     """What stands beside it: further formats, and the numbers shown in a figure."""
-    table = key in TABLES
-    return multiext(
-        f"{OUT}/{key if table else FIGURES[key].stem}",
-        *((".md", ".tex") if table else (".pdf", FIGURES[key].numbers)),
-    )
+    stem = key if key in TABLES else FIGURES[key].stem
+    endings = (".md", ".tex") if key in TABLES else (".pdf", FIGURES[key].numbers)
+    return multiext(f"{OUT}/{stem}", *endings)
 
 
 def reads_of(artefact):
