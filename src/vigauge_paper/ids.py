@@ -26,6 +26,9 @@ TABLES = {"table1": "Table I", "table2": "Table II", "table3": "Table III"}
 
 # RMSE of position (m), rotation (deg) and velocity (m/s).
 ERRORS = ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps")
+# And of the biases, where they are estimated and not known as in the paper.
+BIAS_ERRORS = ("gyro_bias_rmse_radps", "accel_bias_rmse_mps2")
+KNOWN, ESTIMATED = "known", "estimated"
 
 # The noise model of tables and figures.
 HEADLINE = "headline"

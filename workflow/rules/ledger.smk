@@ -102,6 +102,7 @@ rule index:
     input:
         images=list(IMAGES.values()),
         evidence=list(SHOWING.values()),
+        biases=rules.biases.output.md,
         tables=[f"{OUT}/{table}.md" for table in TABLES],
         claims=rules.claims.output.csv,
         ledger=rules.claims.output.md,
@@ -123,7 +124,10 @@ rule index:
         figures=parameters.named("images", IMAGES),
         evidence=parameters.named("evidence", SHOWING),
         published=[key for a in ARTEFACTS for key in a.shows.values() if a.published and key in FIGURES],
-        extensions=lambda wildcards: BUILDS.extensions({"Other parts of the recordings": WINDOWS}),
+        extensions=lambda wildcards, input: [
+            f"Biases in the state={input.biases}",
+            *BUILDS.extensions({"Other parts of the recordings": WINDOWS}),
+        ],
         spread=where_made("spread", rules.spread.output.csv),
         extensions_digest=[digest_where_made(table) for table in (WINDOWS, rules.spread.output.csv)],
         source=SEQUENCES.source_of_claims,

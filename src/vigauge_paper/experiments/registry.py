@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from . import (
     bias_hypothesis,
+    biases,
     damping,
     exchange,
     iteration_time,
@@ -26,6 +27,7 @@ _ALL = (
     bias_hypothesis.EXPERIMENT,
     nees.EXPERIMENT,
     iteration_time.EXPERIMENT,
+    biases.EXPERIMENT,
 )
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
 UNTIMED = tuple(name for name, experiment in EXPERIMENTS.items() if not experiment.timed)

@@ -135,5 +135,13 @@ _ALL = (
         "Errors on the image sequences against their predicted standard deviations: points above the "
         "line say that the prediction is too small.",
     ),
+    Figure(
+        "biases",
+        "biases",
+        "Biases in the state (not in the paper)",
+        "biases",
+        "Do the gauges still agree when the sensor's biases are estimated with the rest? Hollow marks: with "
+        "known biases, as in the paper; filled ones: with estimated biases.",
+    ),
 )
 FIGURES = {figure.key: figure for figure in _ALL}

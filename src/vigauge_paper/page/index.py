@@ -29,7 +29,7 @@ SHOWN_ROWS = 40
 # From this width on, in pixels of the PNG, a figure is of two columns: on a phone it scrolls sideways.
 WIDE = 1000
 # Figures that the paper does not have.
-NOT_IN_THE_PAPER = ("nees", "prior_reading", "fig_errors")
+NOT_IN_THE_PAPER = ("nees", "prior_reading", "fig_errors", "biases")
 # Heading in claims.md of the sensitivity sweep, which is only made when asked for.
 SENSITIVITY = "Where in the range of our assumptions"
 

@@ -63,7 +63,7 @@ def test_tables_have_the_columns_that_readers_rely_on(
 
 def test_every_figure_has_both_formats_and_its_numbers(smoke_project: Path) -> None:
     """A figure without the numbers it shows cannot be checked."""
-    for name in [*(f"fig{number:02d}_*" for number in range(1, 12)), "prior_reading.*", "nees.*"]:
+    for name in [*(f"fig{number:02d}_*" for number in range(1, 12)), "prior_reading.*", "nees.*", "biases.*"]:
         files = {file.suffix for file in (smoke_project / "paper_figures").glob(name)}
         assert {".pdf", ".png"} <= files, name
         assert files & {".csv", ".npz"}, name
