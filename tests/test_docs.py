@@ -16,7 +16,7 @@ import scipy.sparse
 
 import vigauge as vg
 from benchmarks.gauge_weights import SHIPPED, cost_table, measured, shown
-from docs import pages
+from docs import pages, picture
 from support import ROOT, foreign
 from vigauge.geometry.charts import CHARTS
 
@@ -206,6 +206,30 @@ def test_commands_exist() -> None:
     modules = re.findall(r"python -m ((?:vigauge|benchmarks)[\w.]*)", text)
     assert named and set(named) <= targets
     assert modules and all(map(importlib.util.find_spec, modules))
+
+
+@pytest.mark.parametrize(
+    "name", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", *(f"docs/{n}.md" for n in PAGES)]
+)
+def test_links_inside_the_repository_lead_somewhere(name: str) -> None:
+    """Catches a page, a picture or a heading that was renamed under a link to it."""
+    page = ROOT / name
+    for path, heading in re.findall(r"\]\((?!https?:)([^)#\s]*)#?([^)\s]*)\)", page.read_text("utf-8")):
+        target = page.parent / path if path else page
+        # By a block of the page itself.
+        drawn = path.endswith(".svg") and f'"{path}"' in page.read_text("utf-8")
+        assert target.exists() or drawn, path
+        if heading:
+            headings = re.findall(r"^#+ (.*)$", target.read_text("utf-8"), re.MULTILINE)
+            assert heading in {re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in headings}, heading
+
+
+def test_readme_is_short_and_its_picture_light(tmp_path: Path) -> None:
+    """Catches a README that grows again, and a picture that its script no longer draws."""
+    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 150
+    picture.draw(tmp_path / "gauges.png")
+    for path in (tmp_path / "gauges.png", pages.DOCS / "gauges.png"):
+        assert 10_000 < path.stat().st_size < 60_000
 
 
 def test_site_is_strict_and_fetches_nothing(tmp_path: Path) -> None:

@@ -203,22 +203,19 @@ rule summary:
         " --source {params.source} --published-names {params.names:q} --output {output:q} &> {log:q}"
 
 
-rule readme:
+rule paper_page:
     input:
-        summary=rules.summary.output,
-        figure=f"{OUT}/{FIGURES['fig09'].stem}.png",
+        rules.summary.output,
     output:
-        touch("data/readme.done"),
+        touch("data/paper_page.done"),
     log:
-        "logs/paper/readme.log",
+        "logs/paper/paper_page.log",
     conda:
         "../envs/vigauge.yaml"
     params:
-        code=code_of("readme"),
-        readme=os.path.relpath(ROOT / "README.md"),
-        shown=os.path.relpath(ROOT / "docs/covariance.png"),
+        code=code_of("paper_page"),
+        page=os.path.relpath(ROOT / "docs/paper.md"),
     message:
-        "Putting the summary into README.md"
+        "Putting the summary into docs/paper.md"
     shell:
-        "python -m vigauge_paper.commands.readme --summary {input.summary:q} --readme {params.readme:q}"
-        " --figure {input.figure:q} --shown {params.shown:q} &> {log:q}"
+        "python -m vigauge_paper.commands.paper_page --summary {input:q} --page {params.page:q} &> {log:q}"

@@ -1,4 +1,4 @@
-"""Write the paper-versus-ours table of the README from the finished artefacts."""
+"""Write the paper-versus-ours table of docs/paper.md from the finished artefacts."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def work(options: argparse.Namespace) -> None:
     verdicts = ", ".join(f"{count.get(name, 0)} {name}" for name in ("holds", "differs", "not tested"))
     note = (
         "Paper / ours. RMSE: mean over trials; iterations: median, as Ceres counts them. Problems are alike, "
-        "not the same: the paper does not give landmarks, noise or windows (see Assumptions)."
+        "not the same: the paper does not give landmarks, noise or windows (config/README.md has ours)."
     )
     if options.source == "rendered":
         note += f" The two sequences are a {STAND_IN}."

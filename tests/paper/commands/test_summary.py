@@ -1,4 +1,4 @@
-"""The summary that goes into the README."""
+"""The summary that goes into docs/paper.md."""
 
 from __future__ import annotations
 
@@ -20,5 +20,5 @@ from vigauge_paper.commands.summary import _marked
     ],
 )
 def test_failures_of_the_tables_are_passed_on(note: str, marked: str) -> None:
-    """Means in the README without the runs that are missing from them."""
+    """Means on the page without the runs that are missing from them."""
     assert _marked(f"| a |\n|---|\n| 1 |\n\n{note}\n") == marked

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from benchmarks.paper_time import job_records
-from support import ROOT
 
 from .conftest import make_project, snakemake
 
@@ -523,13 +522,3 @@ def test_as_a_module_of_another_workflow_it_makes_the_same(smoke_project: Path, 
     assert done.returncode == 0, done.stderr[-3000:]
     for target in targets:
         assert (tmp_path / "vi" / target).read_bytes() == (smoke_project / target).read_bytes()
-
-
-def test_library_example_of_the_readme_runs(smoke_project: Path) -> None:
-    """An example that no longer fits the library."""
-    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), flags=re.DOTALL)
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=smoke_project, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "function tolerance" in done.stdout
