@@ -397,7 +397,7 @@ def test_report_builds_with_every_caption(smoke_project: Path) -> None:
         assert words in report
     # The page with the evidence opens inside the report: it is there as HTML.
     start = report.index('"paper_figures/index.html": {')
-    assert re.search(r'"mime_type": "text/html".*?"data_uri": "data:text/html', report[start : start + 2000])
+    assert re.search(r'"mime_type": "text/html".*?"data_uri": "data:text/html', report[start : start + 4000])
 
 
 def of_euroc(folder: Path) -> Path:
