@@ -7,7 +7,7 @@ Where to start: ``vg.solve(vg.example_problem(), vg.FreeGauge())``. The public n
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Public names: the module of each, and what it is. A name is loaded when first asked for, so that `import
 # vigauge` costs nothing. Type checkers read the same names in __init__.pyi.
