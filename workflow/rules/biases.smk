@@ -17,7 +17,7 @@ rule biases:
         code=code_of("biases"),
         criteria=section("claims"),
     message:
-        "The claims with biases in the state"
+        "Judging the claims with biases in the state"
     shell:
         "python -m vigauge_paper.commands.biases --runs {input.reasons:q} --criteria {params.criteria:q}"
         " --output {output.png:q} --stamps {input.stamps:q} &> {log:q}"

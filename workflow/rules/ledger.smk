@@ -91,7 +91,7 @@ rule explorer:
         code=code_of("explorer"),
         noise=SEQUENCES.noise_of,
     message:
-        "{wildcards.experiment} for the gauge explorer"
+        "Preparing {wildcards.experiment} for the gauge explorer"
     shell:
         "python -m vigauge_paper.commands.explorer --name {wildcards.experiment} --problems {input.problems:q}"
         " --truth {input.truths:q} --states {input.states:q} --covariance {input.covariances:q}"
@@ -132,7 +132,7 @@ rule index:
         extensions_digest=[digest_where_made(table) for table in (WINDOWS, rules.spread.output.csv)],
         source=SEQUENCES.source_of_claims,
     message:
-        "The page that a reader opens first"
+        "Writing index.html, the page to open first"
     shell:
         "python -m vigauge_paper.commands.index --claims {input.claims:q} --why {input.why:q}"
         " --environment {input.environment:q} --captions {params.captions:q} --tables {params.tables:q}"
@@ -169,7 +169,7 @@ rule comparison:
         sensitivity=where_made("sensitivity", SENSITIVITY),
         sensitivity_digest=digest_where_made(SENSITIVITY),
     message:
-        "Published numbers and ours, with ranges and ratios"
+        "Comparing the published numbers with ours"
     shell:
         "python -m vigauge_paper.commands.comparison --solutions {params.solutions:q} --timings {params.timings:q}"
         " --covariances {params.covariances:q} --sweep {input.sweep:q} --sweep-timing {input.sweep_timing:q}"
@@ -197,7 +197,7 @@ rule summary:
         source=SEQUENCES.source,
         names=PUBLISHED_NAMES,
     message:
-        "Paper and reproduction side by side"
+        "Writing the summary of paper and reproduction"
     shell:
         "python -m vigauge_paper.commands.summary --artefacts {params.artefacts:q} {params.published}"
         " --source {params.source} --published-names {params.names:q} --output {output:q} &> {log:q}"

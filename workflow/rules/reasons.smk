@@ -36,7 +36,7 @@ rule reasons:
         settings=json.dumps({k: v for k, v in config["reasons"].items() if k in UNTIMED}, sort_keys=True),
         output=parameters.folder_of_output,
     message:
-        "Experiments that explain the results"
+        "Running the experiments that explain the results"
     shell:
         "python -m vigauge_paper.commands.reasons --problems {params.problems:q} --truths {params.truths:q}"
         " --traces {params.traces:q} --covariances {params.covariances:q} --sweep-trace {input.sweep_trace:q}"

@@ -22,7 +22,7 @@ rule sensitivity_setting:
         information=PRIOR_INFORMATION,
         output=parameters.folder_of_output,
     message:
-        "Sensitivity: {wildcards.setting}"
+        "Testing the sensitivity to {wildcards.setting}"
     shell:
         "python -m vigauge_paper.commands.sensitivity {params.changed} --trials {params.trials} --settings"
         " {params.settings:q} --solver {params.solver:q} --prior-information {params.information} --output"

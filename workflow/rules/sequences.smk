@@ -69,7 +69,7 @@ checkpoint front_end:
         sort=parameters.of_sequence(SEQUENCES.sort_flag),
         accepts=SEQUENCES.accepts_of,
     message:
-        "Front-end on {wildcards.sequence}"
+        "Running the front-end on {wildcards.sequence}"
     shell:
         "python -m vigauge_paper.commands.front_end --sequence {params.folder:q} --biases {params.biases:q}"
         " --truth {params.truth:q} --settings {params.settings:q} {params.sort} {params.accepts}"

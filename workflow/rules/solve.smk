@@ -48,7 +48,7 @@ rule covariance:
         prior=PRIOR_FLAGS,
         noise=SEQUENCES.noise_of,
     message:
-        "Covariances of {wildcards.experiment}"
+        "Computing covariances of {wildcards.experiment}"
     shell:
         "python -m vigauge_paper.commands.covariance --problems {input.problems:q} --states {input.states:q}"
         " {params.prior} --noise {params.noise:q} --output {output.covariance:q} --distances"

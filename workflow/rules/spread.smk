@@ -18,7 +18,7 @@ rule spread:
         changes=json.dumps(SEQUENCES.spread),
         solutions=parameters.folder_above("solutions"),
     message:
-        "Spread over harmless changes of the front-end"
+        "Summarising the spread over harmless changes of the front-end"
     shell:
         "python -m vigauge_paper.commands.spread --changes {params.changes:q} --solutions {params.solutions:q}"
         " --output {output.csv:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"

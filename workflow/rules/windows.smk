@@ -21,7 +21,7 @@ rule windows:
         source=SEQUENCES.source,
         data=parameters.folder_above("checks"),
     message:
-        "Windows of all recordings"
+        "Summarising the windows of all recordings"
     shell:
         "python -m vigauge_paper.commands.windows --windows {params.windows:q} --data {params.data:q}"
         " --source {params.source} --output {output.csv:q} --summary {output.summary:q}"

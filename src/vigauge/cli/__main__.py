@@ -11,9 +11,9 @@ from vigauge.errors import MissingExtraError
 # Modules of this folder by the word that calls them, with what each does in a line.
 COMMANDS = {
     "check": ("check_sequence", "check a recording in ASL (EuRoC) layout"),
-    "covariance": ("covariance", "the covariance of an estimate in a gauge, as a file"),
-    "diagnose": ("diagnose", "what the measurements of an estimate determine, in a sentence"),
-    "estimate": ("estimate", "motion, biases and covariance from a recording, without a ground truth"),
+    "covariance": ("covariance", "write the covariance of an estimate in a gauge to a file"),
+    "diagnose": ("diagnose", "say what the measurements of an estimate determine"),
+    "estimate": ("estimate", "estimate motion, biases and covariance from a recording"),
     "import-rosbag": ("import_rosbag", "turn a rosbag and Kalibr's calibration into an ASL folder"),
 }
 
@@ -22,7 +22,7 @@ def main() -> None:
     word = sys.argv[1] if len(sys.argv) > 1 else ""
     if word not in COMMANDS:
         lines = [f"  vigauge {name:14s} {about}" for name, (_, about) in COMMANDS.items()]
-        usage = "usage: vigauge COMMAND ...; `vigauge COMMAND --help` lists the flags"
+        usage = "usage: vigauge COMMAND ...; `vigauge COMMAND --help` explains each"
         text = "\n".join([usage, "", *lines])
         if word in ("-h", "--help"):
             print(text)

@@ -1,4 +1,4 @@
-"""Check an ASL folder before anything is solved: what it is, and what is wrong with it.
+"""Check a recording in ASL layout: what it is, and what is wrong with it.
 
 Exit status: 0 nothing wrong found, 1 warnings, 2 errors: unusable as it is.
 """
@@ -48,24 +48,29 @@ def main() -> None:
         nargs=2,
         default=(0.0, float("inf")),
         metavar=("START", "END"),
-        help="seconds to look at; default: all",
+        help="part to check, in seconds; default: all",
     )
     arguments.add_argument(
-        "--origin-ns", type=int, default=0, help="stamp that the window counts from; default: the first frame"
+        "--origin-ns",
+        type=int,
+        default=0,
+        help="stamp at which the window's time is zero; default: the first frame",
     )
     arguments.add_argument(
-        "--camera-time-offset-ns", type=int, default=0, help="added to the stamps of frames"
+        "--camera-time-offset-ns", type=int, default=0, help="offset to add to the stamps of frames"
     )
     arguments.add_argument(
-        "--sort", action="store_true", help="rows out of order are sorted, counted and warned of"
+        "--sort", action="store_true", help="sort rows that are out of order, and warn of them"
     )
     arguments.add_argument("--json", action="store_true", help="print JSON instead of text")
-    arguments.add_argument("--output", type=Path, help="file that gets the JSON as well, unless unusable")
     arguments.add_argument(
-        "--accept-warnings", action="store_true", help="exit status 0 where there are warnings only"
+        "--output", type=Path, help="also write the JSON to this file, unless the recording is unusable"
     )
     arguments.add_argument(
-        "--accept-errors", action="store_true", help="exit status 0, and the file, whatever is found"
+        "--accept-warnings", action="store_true", help="end with status 0 if there are only warnings"
+    )
+    arguments.add_argument(
+        "--accept-errors", action="store_true", help="end with status 0 and write the file, whatever is found"
     )
     run(work, arguments, defect_status=EXIT_DEFECT)
 

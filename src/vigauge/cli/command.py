@@ -46,7 +46,7 @@ def _log_file(path: Path) -> logging.Handler:
 def parser(description: str | None) -> argparse.ArgumentParser:
     """An argument parser with the flag that all commands share."""
     out = argparse.ArgumentParser(description=(description or "").split("\n\n")[0])
-    out.add_argument("--log", type=Path, help="file that gets the log as well as the terminal")
+    out.add_argument("--log", type=Path, help="also write the log to this file")
     return out
 
 

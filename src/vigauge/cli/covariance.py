@@ -1,4 +1,4 @@
-"""The covariance of an estimate in the gauge you want, as sigmas (.csv) or whole (.npz)."""
+"""Write the covariance of an estimate in a gauge, as sigmas (.csv) or as matrices (.npz)."""
 
 from __future__ import annotations
 
@@ -79,14 +79,16 @@ def main() -> None:
     arguments = parser(__doc__)
     add_arguments(arguments)
     arguments.add_argument(
-        "--gauge", required=True, help="first, centroid, free, or keyframe:K: whose pose has no error"
+        "--gauge",
+        required=True,
+        help="reference without error: first (keyframe), centroid, keyframe:K, or free (none)",
     )
-    arguments.add_argument("--of", choices=list(_OF), default="poses", help="default: poses")
+    arguments.add_argument("--of", choices=list(_OF), default="poses", help="blocks to write; default: poses")
     arguments.add_argument(
         "--out",
         type=Path,
         required=True,
-        help="sigmas (.csv), or covariances (.npz); left increments, m, rad",
+        help="file for sigmas (.csv) or covariances (.npz), in m and rad, by left increments",
     )
     run(work, arguments, defect_status=EXIT_DEFECT)
 

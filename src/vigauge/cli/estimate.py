@@ -1,4 +1,4 @@
-"""Motion, biases and covariance from a recording in ASL layout; needs no ground truth and no configuration.
+"""Estimate motion, biases and covariance from a recording in ASL layout, without ground truth.
 
 Exit status: 0 nothing odd found, 1 warnings, 2 refused: one sentence says why, and nothing is written.
 """
@@ -64,28 +64,40 @@ def _one_after_another(
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("folder", type=Path, help="folder with mav0/ in it")
-    arguments.add_argument("--start", type=float, help="begin of the window, s after the first frame")
-    arguments.add_argument("--end", type=float, help="its end; without both, a part that moves is chosen")
     arguments.add_argument(
-        "--windows", action="store_true", help="all parts of the recording, one after another, each by itself"
-    )
-    arguments.add_argument("--keyframes", type=int, help="their number; default: by the window's length")
-    arguments.add_argument(
-        "--gauge", default="first", help="first, centroid, free, or keyframe:K: whose pose has no error"
+        "--start", type=float, help="start of the window, in seconds after the first frame"
     )
     arguments.add_argument(
-        "--loss", default="none", help="of reprojection errors: none, huber:D or cauchy:D (D sigmas)"
+        "--end", type=float, help="end of the window; without both, a part that moves is chosen"
+    )
+    arguments.add_argument(
+        "--windows", action="store_true", help="estimate all parts of the recording, each by itself"
+    )
+    arguments.add_argument(
+        "--keyframes", type=int, help="number of keyframes; default: by the window's length"
+    )
+    arguments.add_argument(
+        "--gauge",
+        default="first",
+        help="reference without error: first (keyframe), centroid, keyframe:K, or free (none)",
+    )
+    arguments.add_argument(
+        "--loss",
+        default="none",
+        help="robust loss of reprojection errors: none, huber:D or cauchy:D (D in sigmas)",
     )
     arguments.add_argument(
         "--noise",
         choices=("fitted", "stated"),
         default="fitted",
-        help="fitted: as the residuals say; stated: 1 px and the densities of imu0/sensor.yaml",
+        help="fitted: scaled to the residuals; stated: 1 px and the densities of imu0/sensor.yaml",
     )
     arguments.add_argument(
-        "--camera-time-offset-ns", type=int, default=0, help="added to the stamps of frames"
+        "--camera-time-offset-ns", type=int, default=0, help="offset to add to the stamps of frames"
     )
-    arguments.add_argument("--out", type=Path, help="folder of the results; default: NAME_estimate, here")
+    arguments.add_argument(
+        "--out", type=Path, help="folder for the results; default: NAME_estimate in the working folder"
+    )
     run(work, arguments, defect_status=EXIT_DEFECT)
 
 

@@ -77,9 +77,13 @@ def add_arguments(arguments: argparse.ArgumentParser) -> None:
     arguments.formatter_class = argparse.RawDescriptionHelpFormatter
     arguments.epilog = _HELP
     arguments.add_argument("file", type=Path, metavar="FILE", help="problem.npz or H.npz, see below")
-    arguments.add_argument("--problem", type=int, default=0, metavar="I", help="which of a file; default: 0")
     arguments.add_argument(
-        "--at-start", action="store_true", help="ask at the state a problem starts from; default: solve first"
+        "--problem", type=int, default=0, metavar="I", help="number of the problem in the file; default: 0"
+    )
+    arguments.add_argument(
+        "--at-start",
+        action="store_true",
+        help="use the state that the problem starts from; default: solve first",
     )
 
 

@@ -30,11 +30,13 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--bag", type=Path, required=True, help="file of ROS 1, folder of ROS 2")
+    arguments.add_argument(
+        "--bag", type=Path, required=True, help="bag: a file of ROS 1 or a folder of ROS 2"
+    )
     arguments.add_argument("--left", default="/cam0/image_raw", help="topic of the left image")
     arguments.add_argument("--right", default="/cam1/image_raw", help="topic of the right image")
     arguments.add_argument("--imu", default="/imu0", help="topic of the inertial sensor")
-    arguments.add_argument("--truth", help="topic of true poses of the body")
+    arguments.add_argument("--truth", help="topic of the body's true poses")
     arguments.add_argument("--camchain", type=Path, required=True, help="Kalibr's camchain-imucam.yaml")
     arguments.add_argument("--imu-yaml", type=Path, required=True, help="Kalibr's imu.yaml")
     for name, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
@@ -43,9 +45,9 @@ def main() -> None:
             type=float,
             nargs=3,
             metavar=("X", "Y", "Z"),
-            help=f"known bias, {unit}; written beside the truth, which needs it",
+            help=f"known bias in {unit}; needed with --truth",
         )
-    arguments.add_argument("--output", type=Path, required=True, help="folder that gets mav0/")
+    arguments.add_argument("--output", type=Path, required=True, help="folder to put mav0/ into")
     run(work, arguments)
 
 
