@@ -25,6 +25,8 @@ from vigauge.cli import estimate as command
 from vigauge.errors import DataError
 from vigauge.recordings import Estimate
 from vigauge.recordings.estimation.windows import Part
+from vigauge_paper.stand_in import rendering
+from vigauge_paper.stand_in.asl_folder import write_asl_folder
 
 KEYFRAMES = 7
 
@@ -142,6 +144,17 @@ def scaled(columns: slice, factor: float) -> Callable[[Path], None]:
     return imu(change)
 
 
+def turning(folder: Path) -> None:
+    """One camera that turns in place."""
+    make_scene, flight = rendering.SCENES["room"]
+    only_turns = replace(flight, position_m=np.zeros_like(flight.position_m))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(rendering.SCENES, "room", (make_scene, only_turns))
+        sequence = rendering.render_sequence("room", rendering.RenderSettings(seed=7, duration_s=1.2))
+    write_asl_folder(sequence, "room", folder, versions={})
+    without("cam1", "state_groundtruth_estimate0")(folder)
+
+
 def nothing(folder: Path) -> None:
     pass
 
@@ -151,6 +164,7 @@ REFUSED: dict[str, tuple[Callable[[Path], None], tuple[object, ...]]] = {
     "no images": (without("cam0", "cam1"), ()),
     "no inertial samples": (without("imu0"), ()),
     "standing still": (standing, ()),
+    "one camera that only turns": (turning, ()),
     "window too short": (nothing, ("--start", 0.2, "--end", 0.6)),
     "window outside the recording": (nothing, ("--start", 100)),
     "clocks that share no time": (imu(lambda values: values, 10**12), ()),

@@ -149,7 +149,10 @@ def estimate(
         raise DataError("noise", "must be 'fitted' or 'stated'", value=noise)
     sequence = read_sequence(Path(folder))
     if start_s is None and end_s is None:
-        part = best(propose(sequence, camera_time_offset_ns))
+        parts = propose(sequence, camera_time_offset_ns)
+        part = best(parts)
+        if len(parts) > 1:
+            _LOG.info("%s has %d parts: the one that moves longest is used", sequence.name, len(parts))
     else:
         end = float("inf") if end_s is None else end_s
         part = part_of(sequence, start_s or 0.0, end, camera_time_offset_ns)

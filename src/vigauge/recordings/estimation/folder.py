@@ -72,9 +72,8 @@ def _is_ours(target: Path) -> bool:
 def _write_one(folder: Path, one: Estimate) -> None:
     save_trajectory(folder / "trajectory.tum", one.state, times_ns=one.t_ns)
     for suffix in (".csv", ".npz"):
-        blocks = one.keyframes[:, :_POSE, :_POSE]
         path = folder / f"trajectory{suffix}"
-        save_trajectory(path, one.state, blocks, times_ns=one.t_ns, gauge=one.gauge_name)
+        save_trajectory(path, one.state, one.keyframes, times_ns=one.t_ns, gauge=one.gauge_name)
     names = ["t_ns", *_BIAS_COLUMNS, *(f"sigma_{name}" for name in _BIAS_COLUMNS)]
     values = np.hstack([one.biases, one.sigma[:, _POSE:]]).tolist()
     rows = [
