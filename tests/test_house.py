@@ -33,6 +33,7 @@ FLOORS = (
     "vigauge_paper.stand_in",
     "vigauge_paper.fetch",
     "vigauge_paper.run",
+    "vigauge_paper.no_truth",
     "vigauge_paper.tables",
     "vigauge_paper.spread",
     "vigauge_paper.prior",

@@ -13,6 +13,7 @@ JUDGED = {
 # Only made when asked for, and shown where someone has.
 SENSITIVITY = rules.sensitivity.output.summary
 WINDOWS = rules.windows.output.md
+NO_TRUTH = rules.no_truth.output.md
 SUMMARISED = ["table2", "table3", FIGURES["fig07"].stem, FIGURES["fig11"].stem]
 
 
@@ -126,10 +127,12 @@ rule index:
         published=[key for a in ARTEFACTS for key in a.shows.values() if a.published and key in FIGURES],
         extensions=lambda wildcards, input: [
             f"Biases in the state={input.biases}",
-            *BUILDS.extensions({"Other parts of the recordings": WINDOWS}),
+            *BUILDS.extensions(
+                {"Other parts of the recordings": WINDOWS, "Without any ground truth": NO_TRUTH}
+            ),
         ],
         spread=where_made("spread", rules.spread.output.csv),
-        extensions_digest=[digest_where_made(table) for table in (WINDOWS, rules.spread.output.csv)],
+        extensions_digest=[digest_where_made(table) for table in (WINDOWS, NO_TRUTH, rules.spread.output.csv)],
         source=SEQUENCES.source_of_claims,
     message:
         "Writing index.html, the page to open first"

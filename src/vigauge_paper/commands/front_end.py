@@ -78,7 +78,7 @@ def _build(options: argparse.Namespace, settings: FrontEndSettings) -> None:
     gaps_s = 1e-9 * np.diff(frames_ns[(frames_ns >= t_ns[0]) & (frames_ns <= t_ns[-1])])
     evaluation = {
         "truth": options.truth.name,
-        "biases": options.biases.name,
+        "biases": settings.biases if settings.biases in ("aligned", "estimated") else options.biases.name,
         "frames_recorded": len(frames_ns),
         "frame_gap_median_s": float(np.median(gaps_s)),
         "frame_gap_max_s": float(gaps_s.max()),

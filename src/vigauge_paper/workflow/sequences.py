@@ -31,6 +31,7 @@ class Sequences:
     entries : of sequences, windows and changed sequences: folder, ground truths, front-end, noise
     names, windows : the sequences themselves; parts of them
     spread : each sequence, first itself, with its harmless changes
+    no_truth : each sequence, first itself, with its forms that take nothing from a ground truth
     machine_hall, vicon_room : those in the place of the paper's MH1 and VI1
     published_names : what the paper calls those that are its own; a stand-in is none of them
     """
@@ -40,6 +41,7 @@ class Sequences:
     names: tuple[str, ...]
     windows: tuple[str, ...]
     spread: Mapping[str, list[str]]
+    no_truth: Mapping[str, list[str]]
     machine_hall: str
     vicon_room: str
     published_names: Mapping[str, str]
@@ -61,7 +63,7 @@ class Sequences:
             rule = f"must name two different sequences (both are {room})"
             raise ConfigError("configuration", rule, field="paper")
         # Windows and changed sequences are sequences: what an entry leaves out is that of the one it names.
-        overlaid: dict[str, list[str]] = {"windows": [], "spread": []}
+        overlaid: dict[str, list[str]] = {"windows": [], "spread": [], "no_truth": []}
         for part, found in overlaid.items():
             for name, entry in config[part][EUROC if root else RENDERED].items():
                 where = f"{part}.{EUROC if root else RENDERED}.{name}"
@@ -72,13 +74,18 @@ class Sequences:
                 if not root or entry["sequence"] in used:
                     entries[name] = _laid_over(recorded[entry["sequence"]], entry)
                     found.append(name)
-        of = {name: recorded[entries[name]["sequence"]] for name in overlaid["spread"]}
+
+        def forms(part: str) -> dict[str, list[str]]:
+            of = {name: recorded[entries[name]["sequence"]] for name in overlaid[part]}
+            return {name: [name, *(c for c in of if of[c] is entries[name])] for name in names.values()}
+
         return cls(
             root=root,
             entries=entries,
             names=tuple(names.values()),
             windows=tuple(overlaid["windows"]),
-            spread={name: [name, *(c for c in of if of[c] is entries[name])] for name in names.values()},
+            spread=forms("spread"),
+            no_truth=forms("no_truth"),
             machine_hall=hall,
             vicon_room=room,
             published_names={
