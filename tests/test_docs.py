@@ -17,7 +17,7 @@ import scipy.sparse
 import vigauge as vg
 from benchmarks.gauge_weights import SHIPPED, cost_table, measured, shown
 from docs import pages, picture
-from support import ROOT, foreign
+from support import ROOT, foreign, foreign_files
 from vigauge.geometry.charts import CHARTS
 
 ESTIMATOR, CONVENTIONS, GAUGE = (
@@ -70,6 +70,7 @@ def test_sections_and_languages() -> None:
     assert re.findall(r"^## (.*)$", ESTIMATOR, re.MULTILINE) == [
         "GTSAM",
         "COLMAP",
+        "Files of g2o and BAL",
         "Ceres",
         "Your own information matrix",
         "Outliers",
@@ -98,6 +99,20 @@ def test_colmap(folder: Path) -> None:
     J = np.concatenate([2.0 * R @ np.cross(np.eye(3), -R.T @ p).T, -R], axis=1)
     expected = J @ C @ J.T
     assert vg.relative_frobenius(names["in_world"][:3, :3], expected) < 1e-9
+
+
+def test_files_of_g2o_and_bal(folder: Path) -> None:
+    """Catches keys, conventions or a scale that the page names and the adapters do not have."""
+    foreign_files.Space(noise=0.0).write(Path("graph.g2o"))
+    foreign_files.Adjustment().write(Path("bal.txt"))
+    names = run("Files of g2o and BAL")
+    graph, block = names["graph"], names["block"]
+    turn = graph.R[graph.layout.place(3)]
+    np.testing.assert_allclose(names["in_world"][3:, 3:], 4.0 * turn @ block[3:, 3:] @ turn.T, rtol=1e-9)
+    assert names["camera"].shape == (9, 9)
+    for line in code_of("Files of g2o and BAL", "text").splitlines():
+        done = subprocess.run([sys.executable, "-m", *line.replace("vigauge", "vigauge.cli", 1).split()])
+        assert done.returncode == 0, line
 
 
 def test_ceres(folder: Path) -> None:
@@ -181,7 +196,7 @@ def test_shipped_weights_are_as_printed(system: str) -> None:
 
 WHOLE = ("index", "tutorial")  # run from top to bottom
 BY_SECTION = {
-    "from_your_estimator": 5,
+    "from_your_estimator": 6,
     "conventions": 1,
     "which_gauge": 1,
 }  # run one by one, by the tests above

@@ -14,6 +14,9 @@ import scipy.sparse
 import vigauge as vg
 from support.foreign import Estimate, retracted
 from support.foreign import problem as foreign_problem
+from support.foreign_files import Adjustment, Plane, Space
+from vigauge.adapters import bal, g2o
+from vigauge.adapters.information import Information
 from vigauge.cli import estimate_file
 
 GAUGES = {
@@ -90,7 +93,7 @@ def test_covariance_of_an_information_matrix(tmp_path: Path, side: str, csr: boo
     found = vg.load_trajectory(out)
     assert found.times_ns.tolist() == [0, 10, 20, 30, 40]
     given = estimate_file.read(path, 0)
-    assert isinstance(given, estimate_file.Information)
+    assert isinstance(given, Information)
     whole = vg.Covariance.from_hessian(given.H, **given.estimate).matrix(vg.KeyframeGauge(2))
     at, n, step = foreign_estimate(given), given.layout.n, 1e-6
     for k in range(5):
@@ -105,7 +108,7 @@ def test_covariance_of_an_information_matrix(tmp_path: Path, side: str, csr: boo
         np.testing.assert_allclose(found.covariance[k], expected, atol=1e-6 * np.abs(whole).max())
 
 
-def foreign_estimate(given: estimate_file.Information) -> Estimate:
+def foreign_estimate(given: Information) -> Estimate:
     return Estimate(given.R, given.p, given.velocities, given.points)
 
 
@@ -189,3 +192,47 @@ def test_missing_parts_are_named(tmp_path: Path) -> None:
     np.savez(path, **arrays)
     with pytest.raises(vg.DataError, match="must be the CSR form of a square matrix"):
         estimate_file.read(path, 0)
+
+
+def test_covariance_of_a_pose_graph(tmp_path: Path) -> None:
+    """Catches rows out of the order of numbers, and half angles in the body that come out as they are."""
+    path, out = Space(noise=0.1).write(tmp_path / "graph.g2o"), tmp_path / "poses.npz"
+    done = command("covariance", path, "--gauge", "keyframe:7", "--out", out)
+    assert done.returncode == 0, done.stderr
+    found, given = vg.load_trajectory(out), g2o.covariance(path)
+    blocks = given.keyframes(vg.KeyframeGauge(7))
+    expected = vg.as_convention(blocks, given.R, source="g2o", to="left")
+    np.testing.assert_allclose(found.covariance, expected, atol=1e-9 * expected.max())
+    assert np.abs(found.covariance[2]).max() < 1e-12 * expected.max()
+    done = command("diagnose", path)
+    assert done.returncode == 0 and done.stdout.startswith("regular:"), done
+
+
+def test_covariance_of_a_pose_graph_in_the_plane(tmp_path: Path) -> None:
+    """Height, roll and pitch are known there; landmarks are no rows of a trajectory."""
+    path, out = Plane().write(tmp_path / "graph.g2o"), tmp_path / "poses.npz"
+    done = command("covariance", path, "--gauge", "first", "--out", out)
+    assert done.returncode == 0, done.stderr
+    found, given = vg.load_trajectory(out), g2o.covariance(path)
+    assert found.covariance.shape == (5, 6, 6) and not found.covariance[:, 2:5].any()
+    expected = given.block(9, 9, vg.FixedGauge())
+    np.testing.assert_allclose(found.covariance[3][np.ix_([0, 1, 5], [0, 1, 5])], expected, atol=1e-12)
+    done = command("diagnose", path)
+    assert done.returncode == 0 and done.stdout.startswith("regular:"), done
+
+
+def test_covariance_of_a_bundle_adjustment(tmp_path: Path) -> None:
+    """Catches a flag that is not heard, and a scale that cannot be given."""
+    path, out = Adjustment().write(tmp_path / "bal.txt"), tmp_path / "poses.npz"
+    flags = ("--gauge", "keyframe:1", "--known-intrinsics", "--out", out)
+    done = command("covariance", path, *flags)
+    assert done.returncode == 2 and "must constrain the 7 open directions" in done.stderr, done
+    for scale, gauge in {"distance:1:3": vg.Distance(1, 3), "depth:1": vg.MeanDepth(1)}.items():
+        done = command("covariance", path, *flags, "--scale", scale)
+        assert done.returncode == 0, done.stderr
+        found = vg.load_trajectory(out)
+        given = bal.covariance(path, intrinsics=False).keyframes((vg.KeyframeGauge(1), gauge))
+        np.testing.assert_allclose(found.covariance, given, atol=1e-9 * given.max())
+        assert found.gauge == f"keyframe:1 {scale}"
+    done = command("covariance", path, *flags, "--scale", "distance:1")
+    assert done.returncode == 2 and "--scale: must be distance:I:J or depth:K" in done.stderr

@@ -1,5 +1,5 @@
-"""Covariances of other libraries' estimates by those libraries' own objects and keys.
+"""Covariances of other libraries' estimates by those libraries' own objects, files and keys.
 
-Each module needs the package that it is named after, and is imported only when asked for:
-``from vigauge.adapters import gtsam``. All of them: ``pip install vigauge[adapters]``.
+``gtsam`` and ``pycolmap`` need the package that they are named after, and are imported only when asked for:
+``from vigauge.adapters import gtsam``. Both: ``pip install vigauge[adapters]``. The others need no package.
 """

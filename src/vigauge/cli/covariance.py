@@ -5,16 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
+from vigauge.adapters.information import Information
 from vigauge.cli.command import EXIT_DEFECT, LOG, parser, run
-from vigauge.cli.estimate_file import EXIT_WITHHELD, Information, add_arguments, read, state_of
-from vigauge.cli.names import gauge_of
+from vigauge.cli.estimate_file import EXIT_WITHHELD, add_arguments, read, state_of
+from vigauge.cli.names import gauge_of, scale_of
 from vigauge.covariance.covariance import Covariance
 from vigauge.errors import DataError, DegenerateError, SolverError
 from vigauge.gauge.gauges import Gauge
+from vigauge.gauge.layout import Layout
 from vigauge.model.problem import Problem
 from vigauge.model.trajectory_files import save_trajectory
 from vigauge.observability.diagnosis import diagnose_equations
@@ -27,7 +30,9 @@ def work(options: argparse.Namespace) -> None:
     gauge = gauge_of(options.gauge)
     if options.out.suffix.lower() not in (".csv", ".npz"):
         raise DataError("--out", "must end in .csv or .npz", value=str(options.out))
-    given = read(options.file, options.problem)
+    if options.scale and options.gauge == "free":
+        raise DataError("--scale", "must not come with the free gauge, which needs none", value=options.scale)
+    given = read(options.file, options.problem, known_intrinsics=options.known_intrinsics)
     write = _of_information if isinstance(given, Information) else _of_problem
     try:
         write(given, gauge, options)  # type: ignore[arg-type]
@@ -38,6 +43,8 @@ def work(options: argparse.Namespace) -> None:
 
 
 def _of_problem(problem: Problem, gauge: Gauge, options: argparse.Namespace) -> None:
+    if options.scale:
+        raise DataError("--scale", "is measured by the IMU of a problem; leave it out", value=options.scale)
     state = state_of(problem, at_start=options.at_start)
     covariance = Covariance.of(problem, state)
     withheld = diagnose_equations(covariance.equations, problem, state).withheld
@@ -54,22 +61,43 @@ def _of_information(given: Information, gauge: Gauge, options: argparse.Namespac
     there = [kind for kind in _OF[options.of] if kind in layout.blocks]
     kinds = there if options.of == "all" else list(_OF[options.of])
     for kind in kinds or _KINDS[:1]:
-        if kind not in layout.blocks or layout.blocks[kind].shape[1] != 3:
+        if kind not in layout.blocks or layout.blocks[kind].shape[1] != _width(layout, kind):
             raise DataError(options.file, "must name three columns a keyframe for this", field=kind)
     covariance = Covariance.from_hessian(given.H, **given.estimate)
-    blocks = covariance.keyframes(gauge, kinds=kinds)
+    # Landmarks in the plane are keyframes without an angle.
+    rows = np.flatnonzero(np.all([(layout.blocks[kind] >= 0).all(axis=1) for kind in kinds], axis=0))
+    keys = [(layout.keys or range(layout.n_keyframes))[row] for row in rows.tolist()]
+    known: Any = (gauge, scale_of(options.scale)) if options.scale else gauge
+    blocks = covariance.keyframes(known, keys, kinds)
+    R, p = given.R[rows], given.p[rows]
     if "rotation" in kinds or "position" in kinds:
-        blocks = _by_increments_in_world(blocks, given, kinds)
-    estimate = (given.R, given.p) if given.velocities is None else (given.R, given.p, given.velocities)
-    save_trajectory(options.out, estimate, blocks, times_ns=given.times_ns, gauge=options.gauge, kinds=kinds)
+        blocks = _by_increments_in_world(blocks, layout, R, p, kinds)
+    estimate = (R, p) if given.velocities is None else (R, p, given.velocities[rows])
+    times = None if given.times_ns is None else given.times_ns[rows]
+    name = " ".join(filter(None, (options.gauge, options.scale)))
+    save_trajectory(options.out, estimate, blocks, times_ns=times, gauge=name, kinds=kinds)
 
 
-def _by_increments_in_world(blocks: np.ndarray, given: Information, kinds: list[str]) -> np.ndarray:
-    """(N, c, c) covariances by increments in W, of those by the layout's own chart."""
+def _width(layout: Layout, kind: str) -> int:
+    """Columns that a kind must have: x, y and the angle alone in the plane."""
+    plane = layout.blocks.get("position", np.empty((0, 3))).shape[1] == 2
+    return {"position": 2, "rotation": 1}.get(kind, 3) if plane else 3
+
+
+def _by_increments_in_world(
+    blocks: np.ndarray, layout: Layout, R: np.ndarray, p: np.ndarray, kinds: list[str]
+) -> np.ndarray:
+    """(N, c, c) covariances by increments in W, of those by the layout's own chart; the plane's in space."""
     if kinds[:2] != ["position", "rotation"]:
         raise DataError("rotation", "must come with position: charts mix the two")
-    world = np.linalg.inv(given.layout.chart.from_world(given.R, given.p))
-    rest = np.eye(3 * len(kinds) - 6)
+    width = 3 * len(kinds)
+    if blocks.shape[1] != width:
+        flat = np.zeros((len(blocks), width, width))
+        moves = np.array([0, 1, 5, *range(6, width)])
+        flat[:, moves[:, None], moves] = blocks
+        blocks = flat
+    world = np.linalg.inv(layout.chart.from_world(R, p))
+    rest = np.eye(width - 6)
     J = np.stack([scipy.linalg.block_diag(A, rest) for A in world])
     out: np.ndarray = J @ blocks @ J.swapaxes(1, 2)
     return out
@@ -82,6 +110,11 @@ def main() -> None:
         "--gauge",
         required=True,
         help="reference without error: first (keyframe), centroid, keyframe:K, or free (none)",
+    )
+    arguments.add_argument(
+        "--scale",
+        metavar="SCALE",
+        help="reference of an open scale: distance:I:J of two keyframes, or depth:K",
     )
     arguments.add_argument("--of", choices=list(_OF), default="poses", help="blocks to write; default: poses")
     arguments.add_argument(

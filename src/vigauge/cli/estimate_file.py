@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse
 
+from vigauge.adapters import bal, g2o
+from vigauge.adapters.information import Information
 from vigauge.arrays import integers, reals
 from vigauge.errors import DataError, SolverError
 from vigauge.gauge.gauges import FreeGauge
@@ -31,7 +32,8 @@ _GROUPS: dict[str, Group] = {
 }
 _MOVING = ("position", "rotation", "velocity")
 _HELP = """\
-FILE is what vg.save_problems writes, or an .npz archive with an information matrix:
+FILE is what vg.save_problems writes, a pose graph (.g2o) or bundle adjustment in the large (BAL, .txt; sigma
+one pixel) after its optimisation, or an .npz archive with an information matrix:
   H                        (n, n), without damping; or its CSR parts H_data, H_indices, H_indptr
   position, rotation,      (N, 3) columns of H of each keyframe; -1 where it has none;
   velocity                 velocity may be left out, and so may all that follows but R_WB and p_W
@@ -42,41 +44,16 @@ FILE is what vg.save_problems writes, or an .npz archive with an information mat
   group                    text: yaw-translation (default), euclidean, similarity
   gravity                  (3,) direction in W; default (0, 0, -1)
   times_ns                 (N,) integer nanoseconds
+Keyframes of a .g2o are named by the numbers of their vertices; the output has them in increasing order.
+Cameras of a .txt count from 0; R_WB turns from BAL's camera, which looks along -z, into the world.
 
 exit status: 0, 1 where the covariance is withheld, 2 for bad input, 70 for a defect of the program"""
-
-
-@dataclass(frozen=True, eq=False)
-class Information:
-    """An information matrix, the estimate it belongs to, and the motions that may not be seen."""
-
-    H: Any
-    layout: Layout
-    R: np.ndarray
-    p: np.ndarray
-    velocities: np.ndarray | None
-    points: np.ndarray | None
-    group: Group
-    gravity: np.ndarray | None
-    times_ns: np.ndarray | None
-
-    @property
-    def estimate(self) -> dict[str, Any]:
-        """Arguments that the library's functions on layouts share."""
-        return {
-            "layout": self.layout,
-            "poses": (self.R, self.p),
-            "velocities": self.velocities,
-            "points": self.points,
-            "group": self.group,
-            "gravity": self.gravity,
-        }
 
 
 def add_arguments(arguments: argparse.ArgumentParser) -> None:
     arguments.formatter_class = argparse.RawDescriptionHelpFormatter
     arguments.epilog = _HELP
-    arguments.add_argument("file", type=Path, metavar="FILE", help="problem.npz or H.npz, see below")
+    arguments.add_argument("file", type=Path, metavar="FILE", help=".npz, .g2o or .txt, see below")
     arguments.add_argument(
         "--problem", type=int, default=0, metavar="I", help="number of the problem in the file; default: 0"
     )
@@ -85,10 +62,18 @@ def add_arguments(arguments: argparse.ArgumentParser) -> None:
         action="store_true",
         help="use the state that the problem starts from; default: solve first",
     )
+    arguments.add_argument(
+        "--known-intrinsics", action="store_true", help="f, k1, k2 of a .txt are known; default: estimated"
+    )
 
 
-def read(path: Path, number: int) -> Problem | Information:
+def read(path: Path, number: int, *, known_intrinsics: bool = False) -> Problem | Information:
     """A problem or an information matrix; DataError for a file with neither, or a broken one."""
+    suffix = path.suffix.lower()
+    if suffix == ".g2o":
+        return g2o.information(path)
+    if suffix == ".txt":
+        return bal.information(path, intrinsics=not known_intrinsics)
     arrays = load_arrays(path)
     if "kind" in arrays:
         problems = load_problems(path)

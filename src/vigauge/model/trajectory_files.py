@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
-import os
 from collections.abc import Callable, Sequence
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -17,14 +15,11 @@ from ..errors import DataError
 from ..files import write_rows, write_text
 from ..geometry.so3 import Array
 from .archive import load_arrays, save_arrays
+from .text_file import PathLike, number_in, read_text, require_unit
 from .trajectory import AXES, Trajectory, trajectory_of
-
-PathLike = str | os.PathLike[str]
 
 _KIND = "trajectory"
 _QUATERNION = ("qx", "qy", "qz", "qw")
-# Files of other tools keep four digits of a quaternion or more.
-_UNIT = 1e-3
 _TEXTS = ("frame", "side", "gauge")
 _SUFFIX_OF = {"m": "m", "rad": "rad", "m/s": "mps"}
 
@@ -106,16 +101,16 @@ def _write_tum(path: PathLike, trajectory: Trajectory) -> None:
 
 def _read_tum(path: PathLike) -> Trajectory:
     times, values = [], []
-    for line, text in enumerate(_text(path).splitlines(), start=1):
+    for line, text in enumerate(read_text(path).splitlines(), start=1):
         cells = text.split()
         if not cells or cells[0].startswith("#"):
             continue
         if len(cells) != 8:
             raise DataError(path, "must have 8 columns t x y z qx qy qz qw", row=line, value=len(cells))
         times.append(_nanoseconds(path, line, cells[0]))
-        values.append([_number(path, line, cell) for cell in cells[1:]])
+        values.append([number_in(path, line, cell) for cell in cells[1:]])
         _require_after(path, line, times)
-        _require_unit(path, line, values[-1][3:])
+        require_unit(path, line, values[-1][3:])
     rows = np.array(values).reshape(-1, 7)
     return Trajectory(rows[:, :3], _rotations(rows[:, 3:]), times_ns=np.array(times, dtype=np.int64))
 
@@ -143,7 +138,7 @@ def _write_csv(path: PathLike, trajectory: Trajectory) -> None:
 
 
 def _read_csv(path: PathLike) -> Trajectory:
-    reader = csv.reader(_text(path).splitlines())
+    reader = csv.reader(read_text(path).splitlines())
     try:
         header, *rows = [(reader.line_num, row) for row in reader if row] or [(1, [])]
     except csv.Error as error:
@@ -163,7 +158,7 @@ def _read_csv(path: PathLike) -> Trajectory:
         if missing:
             raise DataError(path, "column must be present", field=missing[0])
         return np.array(
-            [[_number(path, line, cell, name) for line, cell in cells[name]] for name in wanted]
+            [[number_in(path, line, cell, name) for line, cell in cells[name]] for name in wanted]
         ).T
 
     kinds = tuple(kind for kind in AXES if _columns(kind, "sigma_")[0] in cells)
@@ -176,7 +171,7 @@ def _read_csv(path: PathLike) -> Trajectory:
         times = np.array(stamps, dtype=np.int64)
     quaternions = numbers(_QUATERNION)
     for (line, _), quaternion in zip(rows, quaternions.tolist(), strict=True):
-        _require_unit(path, line, quaternion)
+        require_unit(path, line, quaternion)
     return Trajectory(
         numbers(_columns("position")),
         _rotations(quaternions),
@@ -254,30 +249,11 @@ def _rotations(quaternions: Array) -> Array:
     return out
 
 
-def _text(path: PathLike) -> str:
-    if not Path(path).is_file():
-        raise DataError(path, "file must exist")
-    try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DataError(path, f"must be text in UTF-8: {error}") from error
-
-
-def _number(path: PathLike, line: int, cell: str, field: str | None = None) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or "_" in cell:
-        raise DataError(path, "must be a finite number", row=line, field=field, value=cell)
-    return value
-
-
 def _nanoseconds(path: PathLike, line: int, cell: str) -> int:
     """Seconds as text in integer nanoseconds, to the nearest."""
     rule = "must be a time in seconds, below 292 years"
     # The size first: of 1e999999 an integer of a million digits would be made.
-    if abs(_number(path, line, cell, "t")) >= 2**63 // 10**9:
+    if abs(number_in(path, line, cell, "t")) >= 2**63 // 10**9:
         raise DataError(path, rule, row=line, field="t", value=cell)
     try:
         return int(Decimal(cell).scaleb(9).to_integral_value())
@@ -295,9 +271,3 @@ def _integer(path: PathLike, line: int, cell: str) -> int:
 def _require_after(path: PathLike, line: int, times: list[int]) -> None:
     if len(times) > 1 and times[-1] <= times[-2]:
         raise DataError(path, f"times must increase: {times[-2]} ns precedes", row=line, value=times[-1])
-
-
-def _require_unit(path: PathLike, line: int, quaternion: list[float]) -> None:
-    length = math.hypot(*quaternion)
-    if abs(length - 1.0) > _UNIT:
-        raise DataError(path, "quaternion qx qy qz qw must have length 1", row=line, value=length)
