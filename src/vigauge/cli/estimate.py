@@ -26,6 +26,7 @@ def work(options: argparse.Namespace) -> None:
         "gauge_name": options.gauge,
         "loss": loss_of(options.loss),
         "noise": options.noise,
+        "tracker": options.tracker,
         "camera_time_offset_ns": options.camera_time_offset_ns,
         "progress": True,
     }
@@ -93,11 +94,14 @@ def main() -> None:
         help="fitted: scaled to the residuals; stated: 1 px and the densities of imu0/sensor.yaml",
     )
     arguments.add_argument(
-        "--camera-time-offset-ns", type=int, default=0, help="offset to add to the stamps of frames"
+        "--tracker",
+        choices=("optical_flow", "descriptors"),
+        help="default: optical flow where frames are dense; descriptors drift less and take longer",
     )
     arguments.add_argument(
-        "--out", type=Path, help="folder for the results; default: NAME_estimate in the working folder"
+        "--camera-time-offset-ns", type=int, default=0, help="offset to add to the stamps of frames"
     )
+    arguments.add_argument("--out", type=Path, help="folder of the results; default: NAME_estimate, here")
     run(work, arguments, defect_status=EXIT_DEFECT)
 
 

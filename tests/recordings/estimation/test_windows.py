@@ -61,6 +61,7 @@ def test_sparse_frames_are_matched_and_dense_ones_followed(rendered, spacing_s: 
     sequence = recording(rendered.sequence, np.arange(0.0, 15.0, spacing_s), (-1.0, -1.0))
     part = part_of(sequence, 0.0, 15.0)
     assert tracking(sequence, part, None) == (tracker, 30)
+    assert tracking(sequence, part, 7, "descriptors") == ("descriptors", 7)
     with pytest.raises(DataError, match="must be from 5 to"):
         tracking(sequence, part, 4)
     with pytest.raises(DataError, match="must be from 5 to"):

@@ -118,6 +118,7 @@ def estimate(
     gauge_name: str = "first",
     loss: Loss | None = None,
     noise: str = "fitted",
+    tracker: str | None = None,
     camera_time_offset_ns: int = 0,
     progress: bool = False,
 ) -> Estimate:
@@ -134,6 +135,7 @@ def estimate(
     noise : "fitted": pixel sigma and a factor on the inertial densities, so that chi-squares per
         redundancy are one, but not below the stated densities; "stated": one pixel and the densities of
         ``imu0/sensor.yaml``
+    tracker : "optical_flow" or "descriptors", as the front-end's setting; None: flow where frames are dense
     camera_time_offset_ns : added to stamps of frames to get the clock of the inertial sensor
     progress : show a bar on standard error, where that is a terminal
 
@@ -156,7 +158,7 @@ def estimate(
     else:
         end = float("inf") if end_s is None else end_s
         part = part_of(sequence, start_s or 0.0, end, camera_time_offset_ns)
-    tracker, count = tracking(sequence, part, keyframes)
+    tracker, count = tracking(sequence, part, keyframes, tracker)
     if isinstance(gauge, KeyframeGauge) and not 0 <= gauge.index < count:
         raise DataError("gauge", f"must be a keyframe from 0 to {count - 1}", value=gauge.index)
     warnings = list(_checked(sequence, part, camera_time_offset_ns))

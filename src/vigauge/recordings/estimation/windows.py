@@ -99,14 +99,18 @@ def best(parts: list[Part]) -> Part:
     return max(parts, key=lambda part: part.moving_s)
 
 
-def tracking(sequence: Sequence, part: Part, keyframes: int | None) -> tuple[str, int]:
-    """How points of a part are followed, and its number of keyframes, by its length where none is asked for.
+def tracking(
+    sequence: Sequence, part: Part, keyframes: int | None, tracker: str | None = None
+) -> tuple[str, int]:
+    """How points of a part are followed, and its number of keyframes: what is asked for, or what fits.
 
     Raises DataError for a number that it does not have frames for, or that is too small.
     """
     seconds = frame_seconds(sequence)
     inside = seconds[(seconds >= part.start_s) & (seconds <= part.end_s)]
-    tracker = "optical_flow" if float(np.median(np.diff(inside))) <= _FLOW_PERIOD_S else "descriptors"
+    if tracker is None:
+        dense = float(np.median(np.diff(inside))) <= _FLOW_PERIOD_S
+        tracker = "optical_flow" if dense else "descriptors"
     if keyframes is None:
         wanted = round((part.end_s - part.start_s) / _SPACING_S) + 1
         keyframes = min(max(wanted, LEAST_KEYFRAMES), MOST_KEYFRAMES, part.frames)
