@@ -62,8 +62,9 @@ def no_truth_sentence(rows: Sequence[Row], margin: float) -> str:
             ratio = errors.loc[FIX] / known.loc[FIX, list(ERRORS)].astype(float)
             counts = ", ".join(f"{gauge} {own.at[gauge, 'iterations']}" for gauge in GAUGES)
             parts.append(
-                f"{form}: errors of the gauges differ by at most {100.0 * apart:.2g} % (up to "
-                f"{100.0 * margin:.2g} % is the same: {'yes' if apart < margin else 'no'}), and are "
+                f"{form}: errors of the gauges differ by at most {100.0 * apart:.2g} %, which "
+                f"{'counts' if apart < margin else 'does not count'} as the same "
+                f"(margin {100.0 * margin:.2g} %), and are "
                 f"{', '.join(f'{value:.2g}' for value in ratio)} times those of {sequence} with known biases "
                 f"(position, rotation, velocity); iterations {counts}"
             )

@@ -56,10 +56,10 @@ def test_rows_are_those_of_each_form_at_the_headline_noise(tmp_path: Path) -> No
 def test_the_sentence_says_whether_gauges_agree(tmp_path: Path) -> None:
     """Catches a difference that is not relative to fixation, a wrong ratio, and a run that failed unsaid."""
     text = no_truth_sentence(no_truth_rows(FORMS, *results(tmp_path), "rendered"), 0.025)
-    assert "at most 0.1 % (up to 2.5 % is the same: yes)" in text
+    assert "at most 0.1 %, which counts as the same (margin 2.5 %)" in text
     assert "2, 2, 2 times those of hall" in text and "fix 5, free 6, prior 7" in text
     apart = no_truth_sentence(no_truth_rows(FORMS, *results(tmp_path, free=1.2), "rendered"), 0.025)
-    assert "at most 20 % (up to 2.5 % is the same: no)" in apart
+    assert "at most 20 %, which does not count as the same" in apart
     failed = no_truth_sentence(no_truth_rows(FORMS, *results(tmp_path, converged=False), "rendered"), 0.025)
     assert failed == "hall_no_truth: a run did not converge."
 
