@@ -18,6 +18,7 @@ import vigauge as vg
 from benchmarks.gauge_weights import SHIPPED, cost_table, measured, shown
 from docs import pages, picture
 from support import ROOT, foreign, foreign_files
+from vigauge.cli.__main__ import COMMANDS
 from vigauge.geometry.charts import CHARTS
 
 ESTIMATOR, CONVENTIONS, GAUGE = (
@@ -215,11 +216,18 @@ def test_every_block_is_run() -> None:
 
 def test_commands_exist() -> None:
     """Catches a command that was renamed under the pages that name it."""
-    text = "\n".join(PAGES.values())
+    others = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", ".github/workflows/ci.yml")]
+    text = "\n".join([*PAGES.values(), *(path.read_text("utf-8") for path in others)])
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-    named = re.findall(r"(?:^|`)(?:EUROC_ROOT=\S+ )?make ([a-z-]+)", text, re.MULTILINE)
-    modules = re.findall(r"python -m ((?:vigauge|benchmarks)[\w.]*)", text)
-    assert named and set(named) <= targets
+    before = r"(?:^|`|run: |sudo )"
+    named = re.findall(rf"{before}(?:EUROC_ROOT=\S+ )?make ([a-z-]+)", text, re.MULTILINE)
+    modules = re.findall(r"python -m ((?:vigauge|benchmarks)[\w.]*)(?![\w.<])", text)
+    words = re.findall(r"`\n?vigauge ([a-z-]+)", text)
+    rules = "\n".join(path.read_text("utf-8") for path in (ROOT / "workflow" / "rules").glob("*.smk"))
+    asked = re.findall(r"`snakemake --cores 2 ([a-z_]+)`", text)
+    assert set(asked) >= {"windows", "paper_page"} and all(f"rule {rule}:" in rules for rule in asked)
+    assert {"paper", "check-results"} <= set(named) <= targets
+    assert {"check", "estimate"} <= set(words) <= set(COMMANDS)
     assert modules and all(map(importlib.util.find_spec, modules))
 
 
