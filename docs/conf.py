@@ -94,6 +94,8 @@ def docstring_sections(
             out.append(f"* **{entry[1]}**: {entry[2]}")
         elif section in ("Attributes", "Parameters") and line.startswith("    "):
             out.append(f"  {line.strip()}")
+        elif section:  # running text: a line that goes on is no definition
+            out.append(line.strip())
         else:
             out.append(line)
     lines[:] = out
