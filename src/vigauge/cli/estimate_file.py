@@ -63,7 +63,9 @@ def add_arguments(arguments: argparse.ArgumentParser) -> None:
         help="use the state that the problem starts from; default: solve first",
     )
     arguments.add_argument(
-        "--known-intrinsics", action="store_true", help="treat f, k1, k2 of a .txt as known; default: estimated"
+        "--known-intrinsics",
+        action="store_true",
+        help="treat f, k1, k2 of a .txt as known; default: estimated",
     )
 
 
