@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pandas as pd
+import yaml
 
+from support import ROOT
 from vigauge.files import write_rows
 from vigauge_paper.no_truth import no_truth_rows, no_truth_sentence
+from vigauge_paper.workflow.sequences import Sequences
 
 FORMS = {"hall": ["hall", "hall_no_truth"], "room": ["room"]}
 GAUGES = ("fix", "free", "prior")
@@ -67,3 +70,15 @@ def test_the_sentence_says_whether_gauges_agree(tmp_path: Path) -> None:
 def test_nothing_where_no_sequence_has_another_form() -> None:
     """Catches rows of a sequence that is compared with nothing."""
     assert no_truth_rows({"room": ["room"]}, {}, {}, "euroc") == []
+
+
+def test_every_sequence_of_the_configuration_has_a_form_without_truth() -> None:
+    """Catches a form that still takes biases from a truth, and one that stands under another sequence."""
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text("utf-8"))
+    for root, names in (("", ("hall", "room")), ("somewhere", ("MH_01", "V1_01"))):
+        sequences = Sequences.of(config, root)
+        assert len(sequences.no_truth) == 2
+        for name, (sequence, forms) in zip(names, sequences.no_truth.items(), strict=True):
+            assert forms == [sequence, f"{name}_no_truth"]
+            assert sequences.entries[forms[1]]["front_end"]["biases"] == "estimated"
+            assert sequences.entries[forms[1]]["folder"] == sequences.entries[sequence]["folder"]
