@@ -115,6 +115,22 @@ def test_files_of_g2o_and_bal(folder: Path) -> None:
         assert done.returncode == 0, line
 
 
+def test_a_sliding_window() -> None:
+    """Catches a prior from older estimates that passes for a measurement of yaw."""
+    names = run("A sliding window")
+    assert names["as_it_is"].measured == ("yaw",)
+    covariance, H, U = (
+        names["covariance"],
+        names["H"] + names["P"] @ names["H_prior"] @ names["P"],
+        names["U"],
+    )
+    assert covariance.measured == ()
+    assert np.abs(names["block"][:3, :3]).max() < 1e-12
+    V = vg.gauge_normal(names["layout"], names["poses"], vg.KeyframeGauge(3))
+    expected = vg.covariance_from_hessian(H, U, V)[:15, :15]
+    assert vg.relative_frobenius(covariance.block(0, 0, vg.KeyframeGauge(3)), expected) < 1e-9
+
+
 def test_ceres(folder: Path) -> None:
     layout = vg.Layout.by_keyframe(6, ["position", "rotation"], points=8, side="ceres")
     at, T, J = foreign.problem(layout, vg.Euclidean(), np.random.default_rng(4))
@@ -186,7 +202,7 @@ def test_shipped_weights_are_as_printed(system: str) -> None:
 
 WHOLE = ("index", "tutorial")  # run from top to bottom
 BY_SECTION = {
-    "from_your_estimator": 6,
+    "from_your_estimator": 7,
     "conventions": 1,
     "which_gauge": 1,
 }  # run one by one, by the tests above
