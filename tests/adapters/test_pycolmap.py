@@ -87,6 +87,44 @@ def test_free_gauge_is_the_dense_pseudo_inverse(
     assert vg.relative_frobenius(found.landmarks(keys=[point])[0], rows @ rows.T) < 1e-8
 
 
+RIGS = {"num_rigs": 2, "num_cameras_per_rig": 3, "num_frames_per_rig": 4}
+
+
+@pytest.mark.parametrize("small", [400, 0])
+def test_rigs_are_one_pose_a_frame(small: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catches images of one frame that move apart, and a scale that known baselines leave open."""
+    monkeypatch.setattr("vigauge.adapters.pycolmap._SMALL", small)
+    reconstruction = reconstruction_of("SIMPLE_RADIAL", **RIGS)
+    found, step, frames = covariance(reconstruction), 1e-4, sorted(reconstruction.reg_frame_ids())
+    assert (list(found.layout.keys), found.measured) == (frames, ("scale",))
+    images = sorted(reconstruction.reg_image_ids())
+    by_image, n = jacobian(reconstruction), 6 * len(images)
+    # By differences of COLMAP's composition: how a frame's increment moves its images.
+    J = np.zeros((n, 6 * len(frames)))
+    for i, key in enumerate(images):
+        image = reconstruction.image(key)
+        rig, own = image.frame.rig_from_world, image.cam_from_world()
+        on_rig = own * rig.inverse()
+        for column in range(6):
+            ends = []
+            for sign in (1, -1):
+                d = sign * step * np.eye(6)[column]
+                q = quaternion_product(half_angles(d[:3]), so3.quaternion(rig.rotation.matrix()))
+                T = on_rig.matrix()[:, :3] @ np.column_stack(
+                    [so3.from_quaternion(q), rig.translation + d[3:]]
+                )
+                turn = T[:, :3] @ own.rotation.matrix().T
+                ends.append([*(0.5 * so3.log(turn)), *(T[:, 3] + on_rig.translation)])
+            J[6 * i : 6 * i + 6, 6 * frames.index(image.frame_id) + column] = np.subtract(*ends) / (2 * step)
+    whole = np.concatenate([by_image[:, :n] @ J, by_image[:, n:]], axis=1)
+    _, s, V = np.linalg.svd(whole, full_matrices=False)
+    half = V[:-6].T / s[:-6]
+    assert s[-6] < 1e-6 * s[-7]
+    assert vg.relative_frobenius(found.matrix(), half @ half.T) < 1e-6
+    gauge = vg.KeyframeGauge(frames[2])
+    np.testing.assert_allclose(found.block(frames[2], frames[2], gauge), 0.0, atol=1e-12)
+
+
 def test_two_camera_gauge_is_that_of_colmap() -> None:
     """Catches what our own derivatives share with the test's: COLMAP linearises and inverts itself."""
     reconstruction = reconstruction_of("SIMPLE_RADIAL")
@@ -139,8 +177,12 @@ def test_scale_gauge_by_image_ids() -> None:
 def test_refusals() -> None:
     with pytest.raises(vg.DataError, match=r"image \d+: must have cameras among .*OPENCV_FISHEYE"):
         covariance(reconstruction_of("OPENCV_FISHEYE"))
-    with pytest.raises(vg.DataError, match=r"image \d+: must have no rigs"):
-        covariance(reconstruction_of("PINHOLE", num_rigs=2, num_cameras_per_rig=2, num_frames_per_rig=2))
+    reconstruction = reconstruction_of("PINHOLE", **RIGS)
+    next(iter(reconstruction.rigs.values())).reset_sensor_from_rig(
+        next(iter(next(iter(reconstruction.rigs.values())).non_ref_sensors))
+    )
+    with pytest.raises(vg.DataError, match=r"image \d+: must know where this camera is on its rig"):
+        covariance(reconstruction)
     with pytest.raises(vg.DataError, match=r"must be a pycolmap.Reconstruction \(found 'dict'\)"):
         covariance({})
     with pytest.raises(vg.DataError, match="must have registered images"):
