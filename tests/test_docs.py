@@ -73,6 +73,7 @@ def test_sections_and_languages() -> None:
         "Files of g2o and BAL",
         "Ceres",
         "Your own information matrix",
+        "To and from ROS and OpenVINS",
         "Outliers",
     ]
 
@@ -157,6 +158,19 @@ def test_own_matrix(folder: Path) -> None:
     assert vg.relative_frobenius(found, in_gauge(J, T, V)[np.ix_(rows, rows)]) < 1e-8
 
 
+def test_ros_and_openvins(folder: Path) -> None:
+    """Catches a file that is not read, or a gauge and frame that do not reach ROS."""
+    row = " 0 0 0 1 1 2 3 4 5 6" + " 0" * 6
+    Path("ov_estimate.txt").write_text(f"1.5{row}\n2.5{row}\n")
+    Path("ov_estimate_std.txt").write_text("1.5 .1 .2 .3 4 5 6 7 8 9" + " 0" * 6 + "\n2.5" + " 1" * 15)
+    names = run("To and from ROS and OpenVINS")
+    assert names["filtered"].sigma[0].tolist() == [4, 5, 6, 0.1, 0.2, 0.3, 7, 8, 9]
+    written = vg.load_trajectory("poses.csv", gauge="first")
+    assert written.frame == "map" and written.covariance.shape == (10, 6, 6)
+    np.testing.assert_allclose(written.covariance[3], names["blocks"][3][:6, :6], rtol=1e-9, atol=1e-15)
+    assert names["found"].semi_axes.shape == (10, 3)
+
+
 def test_outliers() -> None:
     """Catches an example whose loss does not help, or that counts other observations than the wrong ones."""
     names = run("Outliers")
@@ -202,7 +216,7 @@ def test_shipped_weights_are_as_printed(system: str) -> None:
 
 WHOLE = ("index", "tutorial")  # run from top to bottom
 BY_SECTION = {
-    "from_your_estimator": 7,
+    "from_your_estimator": 8,
     "conventions": 1,
     "which_gauge": 1,
 }  # run one by one, by the tests above

@@ -54,6 +54,15 @@ def test_right_increments(tmp_path: Path) -> None:
     assert numbers_of(line)[-1] < 1e-9
 
 
+def test_ellipsoids(tmp_path: Path) -> None:
+    """Catches ellipsoids of another gauge, and a picture that is not written."""
+    pytest.importorskip("matplotlib", reason="needs Matplotlib")
+    first, _, centroid, _ = example("ellipsoids.py", tmp_path)
+    np.testing.assert_allclose(numbers_of(first), [0.0, 0.0823], rtol=0.02, atol=1e-4)
+    np.testing.assert_allclose(numbers_of(centroid), [0.0432, 0.0419], rtol=0.02)
+    assert (tmp_path / "ellipsoids.png").stat().st_size > 10_000
+
+
 def test_gnss_factor(tmp_path: Path) -> None:
     rows = [numbers_of(line) for line in example("gnss_factor.py", tmp_path)]
     assert [row[:2] for row in rows] == [[0, 4], [1, 1], [2, 0]]

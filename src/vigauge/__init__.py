@@ -80,6 +80,8 @@ _PUBLIC = {
     "nees": ("covariance.calibration", "errors in units of their covariances, with the band that fits"),
     "Nees": ("covariance.calibration", "the answer to that"),
     "sandwich": ("covariance.calibration", "the covariance under a robust loss, from the residuals"),
+    "ellipsoids": ("covariance.ellipsoids", "covariances of positions as ellipsoids, for pictures"),
+    "Ellipsoids": ("covariance.ellipsoids", "their semi-axes, rotations and surfaces"),
     "as_convention": ("geometry.charts", "covariances of poses in another side, order and unit"),
     "diagnose": ("observability.diagnosis", "what is unobservable beyond the gauge, and why"),
     "diagnose_hessian": ("observability.diagnosis", "the same of any information matrix"),

@@ -7,6 +7,8 @@ from .covariance.covariance import Covariance as Covariance
 from .covariance.covariance import keyframe_covariances as keyframe_covariances
 from .covariance.covariance import landmark_covariances as landmark_covariances
 from .covariance.covariance import motion_covariance as motion_covariance
+from .covariance.ellipsoids import Ellipsoids as Ellipsoids
+from .covariance.ellipsoids import ellipsoids as ellipsoids
 from .covariance.estimate import EstimateCovariance as EstimateCovariance
 from .covariance.foreign import covariance_from_hessian as covariance_from_hessian
 from .covariance.projection import project_covariance as project_covariance

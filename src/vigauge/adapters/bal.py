@@ -39,9 +39,11 @@ def covariance(path: PathLike, *, sigma: float = 1.0, intrinsics: bool = True) -
 
     Raises
     ------
-    DataError for a file that is missing or broken, with its line, and for a camera or a point with less than
-        two observations
-    DegenerateError where more than the seven directions of the gauge are unobservable
+    DataError
+        for a file that is missing or broken, with its line, and for a camera or a point with less than two
+        observations
+    DegenerateError
+        where more than the seven directions of the gauge are unobservable
     """
     return information(path, sigma=sigma, intrinsics=intrinsics).covariance()
 

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Sequence
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..errors import DataError
 from ..files import write_rows, write_text
 from ..geometry.so3 import Array
 from .archive import load_arrays, save_arrays
-from .text_file import PathLike, number_in, read_text, require_unit
+from .foreign_trajectories import FOREIGN, ROS_POSITION, quaternions, read_openvins, read_ros, rotations
+from .text_file import (
+    PathLike,
+    integer_in,
+    nanoseconds_in,
+    number_in,
+    read_text,
+    require_after,
+    require_unit,
+)
 from .trajectory import AXES, Trajectory, trajectory_of
 
 _KIND = "trajectory"
@@ -39,6 +47,7 @@ def save_trajectory(
     frame: str = "W",
     side: str = "left",
     kinds: Sequence[str] | None = None,
+    format: str = "",
 ) -> None:
     """Write an estimate, with its covariance where the format has a place for it; the ending says which.
 
@@ -56,11 +65,20 @@ def save_trajectory(
     frame : name of the world frame
     side : of the rotation's increments in the covariance, "left" (in W) or "right" (in B)
     kinds : what the covariance has, where that is something else: "position", "rotation", "velocity"
+    format : of another program: "ros", a .csv as ``rostopic echo -p`` prints PoseWithCovarianceStamped
+        (x, y, z, then turns about the world's axes), or "openvins", a .txt for its ``ov_eval`` (turns in B;
+        the covariances of rotation and position, not those between them). Neither names the gauge
 
     Raises DataError for another ending, a covariance without a gauge or in a TUM file, times that do not
     increase, and shapes that do not fit; OutputError where the file cannot be written.
     """
     write, _ = _format(path)
+    if format:
+        suffix = Path(path).suffix.lower()
+        if (format, suffix) not in FOREIGN:
+            rule = f"must be one of {', '.join(' for '.join(pair) for pair in FOREIGN)}"
+            raise DataError("format", rule, value=f"{format} for {suffix}")
+        write = FOREIGN[format, suffix]
     write(
         path,
         trajectory_of(
@@ -69,15 +87,29 @@ def save_trajectory(
     )
 
 
-def load_trajectory(path: PathLike) -> Trajectory:
-    """Read a trajectory: what :func:`save_trajectory` wrote, or any TUM file.
+def load_trajectory(path: PathLike, *, gauge: str = "", deviations: PathLike | None = None) -> Trajectory:
+    """Read a trajectory: what :func:`save_trajectory` wrote, any TUM file, or one of ROS or OpenVINS.
 
-    A TUM file has poses and times only; a CSV file ``sigma`` but no ``covariance``.
+    A TUM file has poses and times only; a CSV file ``sigma`` but no ``covariance``. Known by their columns
+    are a .csv of ``rostopic echo -p`` (PoseWithCovarianceStamped or Odometry: poses and covariances), and, in
+    a .txt, the state file of OpenVINS (poses, velocities) and the rows of its ``ov_eval`` (poses, sigmas).
+    OpenVINS' turns are in B: ``side`` is "right".
 
-    Raises DataError, with the line, for a file that is missing or broken.
+    Parameters
+    ----------
+    gauge : name of the gauge of a covariance of ROS or OpenVINS, which their files do not tell
+    deviations : file of standard deviations that belongs to a state file of OpenVINS
+
+    Raises DataError, with the line, for a file that is missing or broken, and for a gauge that is not named,
+    or named where the file has its own.
     """
     _, read = _format(path)
     try:
+        if (foreign := _foreign(path)) is not None:
+            return foreign(path, gauge, deviations)
+        for name, given in {"gauge": gauge, "deviations": deviations}.items():
+            if given:
+                raise DataError(path, "must not be given: it is for files of ROS and OpenVINS", field=name)
         return read(path)
     except DataError as error:
         if error.file == str(path):
@@ -92,7 +124,7 @@ def _write_tum(path: PathLike, trajectory: Trajectory) -> None:
     if trajectory.times_ns is None:
         raise DataError(path, "TUM needs times: give times_ns=", field="times_ns")
     lines = ["# timestamp tx ty tz qx qy qz qw"]
-    values = np.concatenate([trajectory.p_W, _quaternions(trajectory)], axis=1).tolist()
+    values = np.concatenate([trajectory.p_W, quaternions(trajectory)], axis=1).tolist()
     for t, row in zip(trajectory.times_ns.tolist(), values, strict=True):
         # By decimals: as a float a stamp would lose 200 ns.
         lines.append(" ".join([f"{Decimal(t).scaleb(-9):.9f}", *map(repr, row)]))
@@ -107,12 +139,12 @@ def _read_tum(path: PathLike) -> Trajectory:
             continue
         if len(cells) != 8:
             raise DataError(path, "must have 8 columns t x y z qx qy qz qw", row=line, value=len(cells))
-        times.append(_nanoseconds(path, line, cells[0]))
+        times.append(nanoseconds_in(path, line, cells[0]))
         values.append([number_in(path, line, cell) for cell in cells[1:]])
-        _require_after(path, line, times)
+        require_after(path, line, times)
         require_unit(path, line, values[-1][3:])
     rows = np.array(values).reshape(-1, 7)
-    return Trajectory(rows[:, :3], _rotations(rows[:, 3:]), times_ns=np.array(times, dtype=np.int64))
+    return Trajectory(rows[:, :3], rotations(rows[:, 3:]), times_ns=np.array(times, dtype=np.int64))
 
 
 def _write_csv(path: PathLike, trajectory: Trajectory) -> None:
@@ -122,7 +154,7 @@ def _write_csv(path: PathLike, trajectory: Trajectory) -> None:
     parts: list[Any] = [np.arange(count)[:, None]]
     if trajectory.times_ns is not None:
         parts.append(trajectory.times_ns[:, None])
-    parts += [trajectory.p_W, _quaternions(trajectory)]
+    parts += [trajectory.p_W, quaternions(trajectory)]
     if trajectory.v_W is not None:
         names += _columns("velocity")
         parts.append(trajectory.v_W)
@@ -166,15 +198,15 @@ def _read_csv(path: PathLike) -> Trajectory:
     if "t_ns" in cells:
         stamps: list[int] = []
         for line, cell in cells["t_ns"]:
-            stamps.append(_integer(path, line, cell))
-            _require_after(path, line, stamps)
+            stamps.append(integer_in(path, line, cell))
+            require_after(path, line, stamps)
         times = np.array(stamps, dtype=np.int64)
     quaternions = numbers(_QUATERNION)
     for (line, _), quaternion in zip(rows, quaternions.tolist(), strict=True):
         require_unit(path, line, quaternion)
     return Trajectory(
         numbers(_columns("position")),
-        _rotations(quaternions),
+        rotations(quaternions),
         v_W=numbers(_columns("velocity")) if _columns("velocity")[0] in cells else None,
         times_ns=times,
         sigma=numbers([name for kind in kinds for name in _columns(kind, "sigma_")]) if kinds else None,
@@ -222,6 +254,18 @@ def _read_npz(path: PathLike) -> Trajectory:
     )
 
 
+def _foreign(path: PathLike) -> Callable[[PathLike, str, PathLike | None], Trajectory] | None:
+    """The reader of another program's file, by its columns."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".csv", ".txt"):
+        return None
+    rows = (row for row in read_text(path).splitlines() if row.strip() and not row.startswith("#"))
+    first = next(rows, "")
+    if suffix == ".csv":
+        return read_ros if ROS_POSITION in first.split(",") else None
+    return read_openvins if len(first.split()) >= 17 else None
+
+
 _Format = tuple[Callable[[PathLike, Trajectory], None], Callable[[PathLike], Trajectory]]
 _FORMATS: dict[str, _Format] = {
     ".tum": (_write_tum, _read_tum),
@@ -236,38 +280,3 @@ def _format(path: PathLike) -> _Format:
     if suffix not in _FORMATS:
         raise DataError(path, f"must end in {', '.join(_FORMATS)}", field="suffix", value=suffix)
     return _FORMATS[suffix]
-
-
-def _quaternions(trajectory: Trajectory) -> Array:
-    """(N, 4) x, y, z, w with w not negative."""
-    out: Array = Rotation.from_matrix(trajectory.R_WB).as_quat(canonical=True).reshape(-1, 4)
-    return out
-
-
-def _rotations(quaternions: Array) -> Array:
-    out: Array = Rotation.from_quat(quaternions).as_matrix().reshape(-1, 3, 3)
-    return out
-
-
-def _nanoseconds(path: PathLike, line: int, cell: str) -> int:
-    """Seconds as text in integer nanoseconds, to the nearest."""
-    rule = "must be a time in seconds, below 292 years"
-    # The size first: of 1e999999 an integer of a million digits would be made.
-    if abs(number_in(path, line, cell, "t")) >= 2**63 // 10**9:
-        raise DataError(path, rule, row=line, field="t", value=cell)
-    try:
-        return int(Decimal(cell).scaleb(9).to_integral_value())
-    except InvalidOperation as error:
-        raise DataError(path, rule, row=line, field="t", value=cell) from error
-
-
-def _integer(path: PathLike, line: int, cell: str) -> int:
-    digits = cell.removeprefix("-")
-    if not (digits.isascii() and digits.isdigit() and len(digits) < 20 and int(digits) < 2**63):
-        raise DataError(path, "must be integer nanoseconds", row=line, field="t_ns", value=cell)
-    return int(cell)
-
-
-def _require_after(path: PathLike, line: int, times: list[int]) -> None:
-    if len(times) > 1 and times[-1] <= times[-2]:
-        raise DataError(path, f"times must increase: {times[-2]} ns precedes", row=line, value=times[-1])
