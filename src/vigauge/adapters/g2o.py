@@ -189,8 +189,15 @@ def information(path: PathLike, *, rotation: str = "quaternion") -> Information:
         poses_of_ends = [
             np.array([at[key][part] for key in ends[:, end]]) for end in (0, 1) for part in (0, 1)
         ]
-        J = _JACOBIANS[tag](graph, edges, *poses_of_ends, _ROTATIONS[rotation])
-        blocks = J.swapaxes(1, 2) @ np.array([edge.information for edge in edges]) @ J
+        with np.errstate(over="ignore", invalid="ignore"):
+            J = _JACOBIANS[tag](graph, edges, *poses_of_ends, _ROTATIONS[rotation])
+            blocks = J.swapaxes(1, 2) @ np.array([edge.information for edge in edges]) @ J
+        endless = np.flatnonzero(~np.isfinite(blocks).all(axis=(1, 2)))
+        if endless.size:
+            line = edges[int(endless[0])].line
+            raise DataError(
+                path, "must have poses and information whose products are finite", row=line, field=tag
+            )
         widths = [_VERTICES[kind][1] for kind in _EDGES[tag][:2]]
         where = np.concatenate(
             [np.array([first[k] for k in ends[:, e]])[:, None] + np.arange(widths[e]) for e in (0, 1)], axis=1
