@@ -73,6 +73,7 @@ def test_sections_and_languages() -> None:
         "Files of g2o and BAL",
         "Ceres",
         "Your own information matrix",
+        "A sliding window",
         "To and from ROS and OpenVINS",
         "Outliers",
     ]
