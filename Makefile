@@ -29,7 +29,7 @@ help:
 	@echo "make test           run the checks of 'make lint', then the tests"
 	@echo "make test-all       run also the tests that build the workflow several times (half an hour)"
 	@echo "make test-slurm     run the smoke configuration on a Slurm that it starts itself, as root (docs/slurm.md)"
-	@echo "make docs           build the site, build/docs/index.html"
+	@echo "make docs           build the site, build/docs/index.html, and draw the pictures in docs anew"
 	@echo "make bench          race vigauge against its peers (SIZES=$(SIZES)): benchmarks/README.md"
 	@echo "make bench-paper    run the whole workflow anew and print where the time goes"
 	@echo "make recovery       kill the workflow at random moments, start it again, compare (docs/recovery.csv)"
@@ -100,6 +100,7 @@ bench-paper: $(SET_UP)
 	$(RUN) python -m benchmarks.paper_time --cores $(CORES)
 
 docs: $(SET_UP)
+	$(RUN) python -m docs.picture
 	$(RUN) python -m sphinx --quiet --fail-on-warning --doctree-dir build/doctrees docs build/docs
 	@echo "build/docs/index.html is the site; external_links.txt beside it lists the addresses that it names"
 
@@ -124,7 +125,6 @@ lock:
 clean:
 	@if [ -x $(BIN)/snakemake ]; then $(RUN) snakemake --cores 1 --delete-all-output; fi
 	rm -rf .snakemake .pytest_cache .ruff_cache .mypy_cache .hypothesis build dist
-	rm -f docs/*.svg
 	find src tests workflow benchmarks docs -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean

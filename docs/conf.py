@@ -8,7 +8,6 @@ Nothing is fetched, neither for the build nor by a reader: formulas are MathML, 
 from __future__ import annotations
 
 import re
-from contextlib import chdir
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,6 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util.docutils import SphinxDirective
 
 import vigauge
-from docs import pages
 
 
 class _AnyArray:
@@ -119,13 +117,6 @@ def mathml(self: Any, node: nodes.math | nodes.math_block) -> None:
     raise nodes.SkipNode
 
 
-def draw_pictures(app: Sphinx) -> None:
-    """The tutorial's pictures, by its own blocks."""
-    with chdir(app.srcdir):
-        for _ in pages.run(pages.DOCS / "tutorial.md"):
-            pass
-
-
 def list_external_links(app: Sphinx, error: Exception | None) -> None:
     """Addresses outside the site that pages link to: listed, never fetched."""
     if error is None and app.builder.format == "html":
@@ -142,7 +133,6 @@ def list_external_links(app: Sphinx, error: Exception | None) -> None:
 def setup(app: Sphinx) -> None:
     app.add_html_math_renderer("mathml", inline_renderers=(mathml, None), block_renderers=(mathml, None))
     app.add_directive("public-names", PublicNames)
-    app.connect("builder-inited", draw_pictures)
     app.connect("autodoc-process-docstring", docstring_sections)
     app.connect("missing-reference", public_name)
     app.connect("build-finished", list_external_links)

@@ -1,4 +1,4 @@
-"""The code blocks of the pages, run as a reader runs them: by the tests, and for the pictures of the site."""
+"""The code blocks of the pages, run as a reader runs them: by the tests, and for the tutorial's pictures."""
 
 from __future__ import annotations
 

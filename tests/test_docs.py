@@ -19,6 +19,7 @@ from docs import pages, picture
 from support import ROOT, foreign, foreign_files
 from vigauge.cli.__main__ import COMMANDS
 from vigauge.geometry.charts import CHARTS
+from vigauge_paper.figures.style import COLOURS
 
 ESTIMATOR, CONVENTIONS, GAUGE = (
     (ROOT / "docs" / f"{name}.md").read_text("utf-8")
@@ -259,20 +260,18 @@ def test_links_inside_the_repository_lead_somewhere(name: str) -> None:
     page = ROOT / name
     for path, heading in re.findall(r"\]\((?!https?:)([^)#\s]*)#?([^)\s]*)\)", page.read_text("utf-8")):
         target = page.parent / path if path else page
-        # By a block of the page itself.
-        drawn = path.endswith(".svg") and f'"{path}"' in page.read_text("utf-8")
-        assert target.exists() or drawn, path
+        assert target.exists(), path
         if heading:
             headings = re.findall(r"^#+ (.*)$", target.read_text("utf-8"), re.MULTILINE)
             assert heading in {re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in headings}, heading
 
 
-def test_readme_is_short_and_its_picture_light(tmp_path: Path) -> None:
-    """Catches a README that grows again, and a picture that its script no longer draws."""
+def test_readme_is_short_and_pictures_are_light(tmp_path: Path) -> None:
+    """Catches a README that grows again, a picture no longer drawn or too heavy to ship."""
     assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 150
     picture.draw(tmp_path / "gauges.png")
-    for path in (tmp_path / "gauges.png", pages.DOCS / "gauges.png"):
-        assert 10_000 < path.stat().st_size < 60_000
+    for path in (tmp_path / "gauges.png", *pages.DOCS.glob("*.png")):
+        assert 10_000 < path.stat().st_size < 60_000, path.name
 
 
 def test_site_is_strict_and_fetches_nothing(tmp_path: Path) -> None:
@@ -306,9 +305,13 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 def test_page_prints_what_it_shows(name: str, folder: Path) -> None:
     """Catches a block that fails, prints something else than the page says, or draws no picture for it."""
     page = pages.DOCS / f"{name}.md"
-    for block, printed in pages.run(page):
+    names: dict[str, Any] = {}
+    for block, printed in pages.run(page, names):
         assert NUMBER.sub("0", printed) == NUMBER.sub("0", block.shown), f"{page.name}, line {block.line}"
         found, expected = (np.array(NUMBER.findall(text), float) for text in (printed, block.shown))
         np.testing.assert_allclose(found, expected, rtol=0.02, err_msg=f"{page.name}, line {block.line}")
     pictures = re.findall(r"^!\[.*\]\((.*)\)$", page.read_text("utf-8"), re.MULTILINE)
     assert sorted(pictures) == sorted(path.name for path in folder.iterdir())
+    assert (
+        names.get("COLOURS", COLOURS) == COLOURS
+    )  # one gauge has one colour, in the tutorial and in the figures
