@@ -49,6 +49,12 @@ def run(title: str, page: str = ESTIMATOR) -> dict[str, Any]:
     return names
 
 
+def run_commands(lines: str) -> None:
+    for line in lines.splitlines():
+        done = subprocess.run([sys.executable, "-m", *line.replace("vigauge", "vigauge.cli", 1).split()])
+        assert done.returncode == 0, line
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -113,9 +119,15 @@ def test_files_of_g2o_and_bal(folder: Path) -> None:
     turn = graph.R[graph.layout.place(3)]
     np.testing.assert_allclose(names["in_world"][3:, 3:], 4.0 * turn @ block[3:, 3:] @ turn.T, rtol=1e-9)
     assert names["camera"].shape == (9, 9)
-    for line in code_of("Files of g2o and BAL", "text").splitlines():
-        done = subprocess.run([sys.executable, "-m", *line.replace("vigauge", "vigauge.cli", 1).split()])
-        assert done.returncode == 0, line
+    run_commands(code_of("Files of g2o and BAL", "text"))
+
+
+def test_commands_of_the_library_page(folder: Path) -> None:
+    """Catches commands that need a file of which the page does not say how to make it."""
+    title, page = "On the command line", PAGES["library"]
+    (save,) = re.findall(r"`(vg\.save_problems\(.*?\))`", section(page, title))
+    eval(save, {"vg": vg, "problem": vg.example_problem()})
+    run_commands(code_of(title, "", page))
 
 
 def test_a_sliding_window() -> None:
