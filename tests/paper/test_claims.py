@@ -21,7 +21,8 @@ from vigauge_paper.claims import (
     ledger,
     paired_statistics,
 )
-from vigauge_paper.claims.claim import resolve, together
+from vigauge_paper.claims.claim import resolve, same, together
+from vigauge_paper.claims.ledger import TIMED
 from vigauge_paper.experiments import damping, exchange, tolerance
 from vigauge_paper.experiments.evidence import NoEvidenceError
 from vigauge_paper.experiments.statistics import Interval, effect_size
@@ -306,7 +307,7 @@ def test_reasons_are_given_for_all_claims(tmp_path: Path) -> None:
     measured = {str(row["id"]): str(row["measured"]) for row in ledger(found)}
     for claim in ("free-faster", "time-per-iteration", "prior-cost", "euroc-time"):
         assert "made-up processor" in measured[claim]
-    assert "fixation timed twice 1 [1, 1]" in measured["time-per-iteration"]
+    assert "to itself, timed twice, 1 [1, 1]" in measured["time-per-iteration"]
 
 
 def test_rows_have_the_columns_and_verdicts_of_the_contract(tmp_path: Path) -> None:
@@ -378,6 +379,23 @@ def test_an_interval_that_holds_the_effect_and_none_resolves_nothing() -> None:
     assert resolve(Interval(-0.9, -1.1, -0.7), -1.0) == "holds"
     assert resolve(Interval(0.9, 0.7, 1.1), -1.0) == "differs"
     assert together([Verdict.HOLDS, Verdict.UNRESOLVED]) == "not resolvable"
+
+
+def test_an_interval_over_the_limit_of_the_same_resolves_nothing() -> None:
+    """Catches a difference that is seen, and may be too large or not, called the same or another."""
+    assert same(Interval(1.04, 1.03, 1.05), 0.043, 1.0) == "not resolvable"
+    assert same(Interval(1.03, 1.02, 1.04), 0.043, 1.0) == "holds"
+    assert same(Interval(1.05, 1.04, 1.06), 0.043, 1.0) == "differs"
+
+
+def test_criteria_have_their_margins_as_numbers(tmp_path: Path) -> None:
+    """Catches a criterion whose limit only a note says, and verdicts on times that are not marked."""
+    rows = ledger(evidence(Results(tmp_path)))
+    criteria = {row["id"]: str(row["criterion"]) for row in rows}
+    assert not [text for text in criteria.values() if "{" in text or "margin" in text]
+    assert f"{100 * CRITERIA.cost_margin:g} %" in criteria["prior-cost"]
+    assert {row["id"] for row in rows if "made-up processor" in str(row["measured"])} == set(TIMED)
+    assert f"{len(TIMED)} verdicts rest on times" in headline(rows)
 
 
 def test_criteria_hold_on_the_papers_own_figures(tmp_path: Path) -> None:

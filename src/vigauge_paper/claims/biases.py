@@ -14,7 +14,7 @@ from ..experiments.biases import ERRORS_IN_WORDS, SECONDS
 from ..experiments.evidence import NoEvidenceError
 from ..experiments.statistics import Criteria, Interval, bootstrap, mean, median
 from ..ids import BIAS_ERRORS, ERRORS, ESTIMATED, FIX, FREE, KNOWN, NOT_FIXED, PRIOR
-from .claim import Verdict, resolve, together, verdict
+from .claim import Verdict, resolve, same, together, verdict
 from .cost import FEWER_ITERATIONS, FREE_NEEDS_FEWER, ITERATION_RATIO
 from .covariance import PUBLISHED_CONVERGED
 from .ledger import CLAIMS
@@ -74,15 +74,14 @@ def _accuracy(runs: _Runs, gauge: str) -> _Found:
     margin = runs.criteria.accuracy_margin
     quantities = [*ERRORS, *(name for name in BIAS_ERRORS if runs.table[name].notna().any())]
     found = {(name, gauge): runs.relative(name, gauge) for name in quantities}
-    inside = all(interval.within(margin) for interval in found.values())
-    near = all(abs(interval.estimate) < margin for interval in found.values())
+    judged = together(same(interval, margin) for interval in found.values())
     (name, _), worst = max(found.items(), key=lambda item: abs(item[1].estimate))
     text = (
         f"The mean errors of the {_named(gauge)} differ from fixation's by at most "
         f"{_percent(abs(worst.estimate))}, in {ERRORS_IN_WORDS[name]} (interval {_percent(worst.low)} to "
         f"{_percent(worst.high)}; up to {_percent(margin)} counts as the same)."
     )
-    return _Found(found, margin, Verdict.UNRESOLVED if near and not inside else verdict(inside), text)
+    return _Found(found, margin, judged, text)
 
 
 def _named(gauge: str) -> str:
@@ -100,8 +99,9 @@ def _iterations(runs: _Runs) -> _Found:
     fixed = float(np.mean([pair[FIX].mean() for pair in pairs]))
     text = (
         f"The free gauge takes {abs(found.estimate):.2f} iterations "
-        f"{'fewer' if found.estimate < 0.0 else 'more'} than fixation's {fixed:.1f}, mean of all flights but "
-        f"sine random (interval of the difference {found.low:+.2f} to {found.high:+.2f})."
+        f"{'fewer' if found.estimate < 0.0 else 'more'} than fixation's {fixed:.1f}, mean of all "
+        f"flights but sine random, taken together (interval of the difference {found.low:+.2f} to "
+        f"{found.high:+.2f}); the ledger asks for fewer on each of them."
     )
     return _Found({(ITERATIONS, FREE): found}, 0.0, resolve(found, FEWER_ITERATIONS), text)
 

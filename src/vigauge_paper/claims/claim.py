@@ -12,7 +12,11 @@ from ..ids import STAND_IN
 
 
 class Verdict(StrEnum):
-    """How a claim fares. ``UNRESOLVED``: the evidence agrees with the published effect and with none."""
+    """How a claim fares.
+
+    ``UNRESOLVED``: an interval includes both the published effect and none (:func:`resolve`), or reaches over
+    the limit of what counts as the same (:func:`same`).
+    """
 
     HOLDS = "holds"
     DIFFERS = "differs"
@@ -28,7 +32,8 @@ class Claim:
     """One statement of the paper and how it is judged.
 
     ``evidence`` names what shows it: tables, figures, and tables of the explaining experiments.
-    ``judge`` returns what was measured, and the verdict. ``why`` says in one sentence why it is so.
+    ``criterion`` may name margins of the ledger in braces. ``judge`` returns what was measured, and the
+    verdict. ``why`` says in one sentence why it is so. ``timed``: the verdict rests on measured times.
     """
 
     id: str
@@ -39,6 +44,7 @@ class Claim:
     criterion: str
     judge: Callable[[Evidence], Finding]
     why: str | Callable[[Evidence], str]
+    timed: bool = False
 
 
 def verdict(holds: bool) -> Verdict:
@@ -51,6 +57,13 @@ def resolve(interval: Interval, published: float, none: float = 0.0) -> Verdict:
         seen = interval.low <= published <= interval.high
         return Verdict.UNRESOLVED if seen else Verdict.DIFFERS
     return verdict((interval.low > none) == (published > none))
+
+
+def same(interval: Interval, margin: float, centre: float = 0.0) -> Verdict:
+    """Whether an interval lies within a margin about ``centre``, reaches over its limit, or lies about it."""
+    if interval.within(margin, centre):
+        return Verdict.HOLDS
+    return Verdict.UNRESOLVED if abs(interval.estimate - centre) < margin else Verdict.DIFFERS
 
 
 def together(verdicts: Iterable[Verdict]) -> Verdict:

@@ -126,7 +126,7 @@ COVARIANCE = (
         "VI-A",
         "With a high weight the prior's covariance is similar to fixation's",
         "similar",
-        "relative Frobenius distance below the covariance margin in every experiment",
+        "relative Frobenius distance below {covariance_margin} in every experiment",
         _prior_covariance,
         "The prior's own covariance, the inverse of its information, comes on top of the fixed one.",
     ),

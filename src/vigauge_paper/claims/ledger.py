@@ -28,6 +28,15 @@ THEMES: dict[str, tuple[Claim, ...]] = {
 }
 CLAIMS: tuple[Claim, ...] = tuple(claim for claims in THEMES.values() for claim in claims)
 
+# Why a claim cannot be resolved.
+UNRESOLVED = (
+    "our interval includes both the published effect and no effect, or it reaches over the limit of what "
+    "counts as the same"
+)
+
+# Claims whose verdicts depend on the machine and on how idle it was.
+TIMED = tuple(claim.id for claim in CLAIMS if claim.timed)
+
 # The only failure of substance: it leads the list of what differs.
 FIRST_OF_DIFFERENCES = "large-weights-unstable"
 
@@ -53,7 +62,7 @@ def ledger(evidence: Evidence) -> list[Row]:
                 "claim": claim.claim,
                 "published": claim.published,
                 "measured": measured,
-                "criterion": claim.criterion,
+                "criterion": claim.criterion.format_map(evidence.criteria.in_words()),
                 "verdict": str(verdict),
                 "verdict_as_printed": str(judged(claim, printed)[1]),
             }
@@ -87,12 +96,17 @@ def headline(rows: list[Row]) -> str:
     sentences = [f"{len(named[Verdict.HOLDS])} of {len(rows)} claims of the paper hold in this reproduction."]
     for verdict, text in (
         (Verdict.DIFFERS, "do not"),
-        (Verdict.UNRESOLVED, "cannot be resolved: our interval contains the published effect, and none"),
+        (Verdict.UNRESOLVED, f"cannot be resolved: {UNRESOLVED}"),
         (Verdict.UNTESTED, "were not tested here"),
     ):
         if named[verdict]:
             listed = "; ".join(f'"{claim}"' for claim in named[verdict])
             sentences.append(f"{len(named[verdict])} {text}. These are: {listed}.")
+    if timed := sum(row["id"] in TIMED and row["verdict"] != Verdict.UNTESTED for row in rows):
+        sentences.append(
+            f"{timed} verdicts rest on times (what was measured names the processor): they depend on the "
+            "machine and on how idle it was."
+        )
     changed = sum(row["verdict"] != row["verdict_as_printed"] for row in rows)
     sentences.append(
         "The prior's weight multiplies the residual here, as in the paper's figures. With the weight as "

@@ -20,7 +20,8 @@ _ABOUT = """# Biases in the state: an extension
 
 The paper takes biases as known. Here they are 6 of 15 parameters of every keyframe; the true ones walk, and
 the estimate starts at zero. The claims are those of the ledger, by their id, judged on the simulated flights
-with known and with estimated biases.
+with known and with estimated biases. Errors and iterations are judged on all flights together,
+with {trials} trials a flight, and not flight by flight as in the ledger: verdicts need not be the same.
 """
 _NOTE = "Mean RMSE and iterations of the runs that converged, by flight; trials: how many."
 
@@ -34,7 +35,12 @@ def work(options: argparse.Namespace) -> None:
     draw_biases(Path(f"{options.output}.csv"), options.output)
     shown = pd.DataFrame(judged)[["id", "claim", "biases", "verdict", "sentence"]].drop_duplicates()
     claims = markdown(shown.to_dict("records"), sentence(runs))
-    write_text(f"{options.output}.md", "\n".join([_ABOUT, claims, "## Errors", "", markdown(errors, _NOTE)]))
+    write_text(
+        f"{options.output}.md",
+        "\n".join(
+            [_ABOUT.format(trials=runs["trial"].nunique()), claims, "## Errors", "", markdown(errors, _NOTE)]
+        ),
+    )
 
 
 def main() -> None:

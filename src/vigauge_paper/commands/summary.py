@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from vigauge.files import write_text
+from vigauge_paper.claims import Verdict
 from vigauge_paper.figures.registry import FIGURES
 from vigauge_paper.ids import ERRORS, FIX, FREE, STAND_IN
 from vigauge_paper.run.artefacts import add_published_names
@@ -73,7 +74,7 @@ def work(options: argparse.Namespace) -> None:
     rows += _rows(figures, published, "table3", FIG11, sequences)
     claims = pd.read_csv(figures / "claims.csv")
     count = claims["verdict"].value_counts()
-    verdicts = ", ".join(f"{count.get(name, 0)} {name}" for name in ("holds", "differs", "not tested"))
+    verdicts = ", ".join(f"{count.get(name, 0)} {name}" for name in Verdict)
     note = (
         "Paper / ours. RMSE: mean over trials; iterations: median, as Ceres counts them. Problems are alike, "
         "not the same: the paper does not give landmarks, noise or windows (config/README.md has ours)."

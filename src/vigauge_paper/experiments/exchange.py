@@ -76,7 +76,7 @@ def sentence(e: Evidence, name: str) -> str:
         raise NoEvidenceError(f"the covariance of {name} is withheld")
     ours = table.loc[name]
     return (
-        "The published difference is one exchanged pair of entries, (3N+1, 3N) and (3N+1, 3N+1): with it our "
+        "In the published matrix two neighbours in row 3N+1, columns 3N and 3N+1, changed places: so our "
         f"{ours['relative_frobenius']:.2g} % becomes {ours['with_exchanged_pair']:.2g} %."
     )
 

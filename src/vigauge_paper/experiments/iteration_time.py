@@ -108,7 +108,8 @@ def sentence(e: Evidence) -> str:
     saved = 100 * (middle["dense 9N"] - middle["dense 9N - 4"]) / middle["free"]
     return (
         "Fixation saves four rows of the reduced system, which is at most "
-        f"{max(float(saved.max()), 0.0):.1g} % of an iteration; all else is the same work."
+        f"{max(float(saved.max()), 0.0):.1g} % of an iteration; all else, "
+        "but for the prior's own residual, is the same work."
     )
 
 

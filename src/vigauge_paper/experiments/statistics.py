@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -29,6 +29,14 @@ class Criteria:
     seed: int
     sweep_span: float
     settled_span: float
+
+    def in_words(self) -> dict[str, str]:
+        """Margins and spans in per cent, by name: what a claim's criterion quotes."""
+        return {
+            name: f"{100 * value:g} %"
+            for name, value in asdict(self).items()
+            if name.endswith(("_margin", "_span"))
+        }
 
 
 @dataclass(frozen=True)

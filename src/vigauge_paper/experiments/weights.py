@@ -41,9 +41,11 @@ def sentence(e: Evidence) -> str:
     largest = max((name for name in table["gauge"].unique() if name != FIX), key=float)
     means = table.groupby(["experiment", "gauge"])[list(ERRORS)].mean()
     fix, other = (means.xs(name, level="gauge") for name in (FIX, largest))
+    away = float((other - fix).abs().to_numpy().max())
+    near = f"to within {away:.0e}" if away > 0.0 else "to the last digit"
     return (
-        f"Up to an information of {largest} the prior behaves as fixation, whose mean RMSE it meets to "
-        f"{float((other - fix).abs().to_numpy().max()):.0e}{e.left_out('weights')}."
+        f"Up to an information of {largest} the prior acts as fixation, whose mean RMSE it has "
+        f"{near}{e.left_out('weights')}."
     )
 
 
