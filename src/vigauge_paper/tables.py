@@ -15,6 +15,7 @@ from .ids import ERRORS, FIX, FREE, GAUGES, PRIOR
 
 Row = dict[str, object]
 
+_UNITS = dict(zip(ERRORS, ("m", "deg", "m/s"), strict=True))
 _SHORT = {"p_rmse_m": "p (m)", "phi_rmse_deg": "phi (deg)", "v_rmse_mps": "v (m/s)"}
 _BOLD = re.compile(r"\*\*(.+?)\*\*")
 
@@ -96,9 +97,22 @@ def starts(solutions: Mapping[str, Path]) -> str:
     parts = []
     for name, file in solutions.items():
         table = pd.read_csv(file).query("noise == 'headline' and gauge == 'fix'")
-        errors = (table[f"start_{error}"].mean() for error in ERRORS)
-        parts.append(f"{name} {', '.join(f'{error:.5f}' for error in errors)}")
+        errors = (f"{table[f'start_{error}'].mean():.5f} {unit}" for error, unit in _UNITS.items())
+        parts.append(f"{name} {', '.join(errors)}")
     return f"The starts: {'; '.join(parts)}."
+
+
+def worse_than_start(solutions: Mapping[str, Path]) -> str:
+    """A sentence on errors that are larger after the optimisation than before; empty where there is none."""
+    parts = []
+    for name, file in solutions.items():
+        table = pd.read_csv(file).query("noise == 'headline' and gauge == 'fix' and converged")
+        for error, unit in _UNITS.items():
+            start, end = table[f"start_{error}"].mean(), table[error].mean()
+            if end > start:
+                quantity = _SHORT[error].split()[0]
+                parts.append(f"{name}, {quantity} from {start:.3g} to {end:.3g} {unit}")
+    return f" **Worse at the end than at the start:** {'; '.join(parts)}." if parts else ""
 
 
 def _text(value: object) -> str:

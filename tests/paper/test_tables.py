@@ -10,7 +10,17 @@ import pytest
 
 from support.results import covariance, solutions
 from vigauge.model.archive import save_arrays
-from vigauge_paper.tables import latex, left_out, markdown, mean_errors, table1, table2, table3, wide_errors
+from vigauge_paper.tables import (
+    latex,
+    left_out,
+    markdown,
+    mean_errors,
+    table1,
+    table2,
+    table3,
+    wide_errors,
+    worse_than_start,
+)
 
 
 @pytest.fixture
@@ -47,6 +57,19 @@ def test_a_gauge_that_never_converged_is_nan(solved: Path) -> None:
     rows = {str(row["gauge"]): row for row in table2({"arc_plane": solved})}
     assert np.isnan(float(str(rows["prior"]["p_rmse_m"])))
     assert float(str(rows["fix"]["p_rmse_m"])) > 0
+
+
+def test_an_end_worse_than_its_start_is_said(solved: Path) -> None:
+    """Catches an optimisation that does harm and is only seen by comparing two notes."""
+    table = pd.read_csv(solved)
+    start = {
+        f"start_{error}": 2.0 * table[error].mean() for error in ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps")
+    }
+    table.assign(**start).to_csv(solved, index=False)
+    assert worse_than_start({"arc_plane": solved}) == ""
+    table.assign(**(start | {"start_phi_rmse_deg": 0.0})).to_csv(solved, index=False)
+    found = worse_than_start({"arc_plane": solved})
+    assert "Worse at the end" in found and found.count("arc_plane, phi from 0 to") == 1 and ";" not in found
 
 
 def test_table3_names_its_source(solved: Path) -> None:

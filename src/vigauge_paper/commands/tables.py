@@ -25,6 +25,7 @@ from vigauge_paper.tables import (
     table3,
     trial_count,
     wide_errors,
+    worse_than_start,
     write_table,
 )
 
@@ -57,6 +58,7 @@ def work(options: argparse.Namespace) -> None:
     if options.spread and made_with(options.stamps, options.spread_stamp, "spread"):
         note += f" {spread_sentence(pd.read_csv(options.spread))}"
     head = f"{_recordings(options.reports)} {_too_small(pd.read_csv(options.errors))}".strip()
+    head += worse_than_start(solutions)
     write_table(rows, options.output, wide_errors(rows, published if names else None, names), note, head)
 
 

@@ -32,7 +32,7 @@ from .style import (
     save_figure,
 )
 
-_OFFSET = {"fix": -0.26, "free": 0.0, "prior": 0.26}
+_OFFSET = {"fix": -0.36, "free": -0.06, "prior": 0.24}
 # Darker than what is the paper's elsewhere: small crosses on top of boxes.
 _CROSS = "#4D4D4D"
 _BAND = "1 ± 2 %"
@@ -108,7 +108,7 @@ def _draw_gauge(
         reach = np.array([middle - own["median_low"], own["median_high"] - middle])
         panel.errorbar(places, middle, yerr=reach, elinewidth=0.9, capsize=1.5, **look)
         return
-    box_plot(panel, [from_row(row) for _, row in own.iterrows()], places, 0.2, COLOURS[gauge])
+    box_plot(panel, [from_row(row) for _, row in own.iterrows()], places, 0.15, COLOURS[gauge])
     panel.plot(places, middle, markersize=2.5, **look)
 
 
@@ -145,7 +145,7 @@ def draw_cost(
                         scale * _published(theirs, published[name], quantity, gauge) for name in solutions
                     ]
                     mark = "paper" if gauge == GAUGES[-1] else None
-                    beside = [place + 0.12 for place in places]
+                    beside = [place + 0.15 for place in places]
                     panel.plot(beside, values, "x", color=_CROSS, markersize=3.5, zorder=3, label=mark)
             if quantity == RATIO:
                 panel.axhspan(0.98, 1.02, color=PUBLISHED, alpha=0.25, linewidth=0, label=_BAND)

@@ -183,16 +183,17 @@ def draw_cost(
 
 def _ranges(heights: np.ndarray) -> list[tuple[str, float]]:
     """Iterations from the first on as text, with their height: '3' or, where labels would overlap, '3–5'."""
+
+    def height(group: list[int]) -> float:
+        return float(np.mean(heights[[group[0], group[-1]]]))
+
     groups: list[list[int]] = []
     for step in range(1, len(heights)):
-        if groups and abs(heights[step] - heights[groups[-1][0]]) < _LABEL_DECADES:
-            groups[-1].append(step)
-        else:
-            groups.append([step])
-    return [
-        (f"{g[0]}–{g[-1]}" if len(g) > 1 else f"{g[0]}", float(np.mean(heights[[g[0], g[-1]]])))
-        for g in groups
-    ]
+        groups.append([step])
+        while len(groups) > 1 and abs(height(groups[-1]) - height(groups[-2])) < _LABEL_DECADES:
+            last = groups.pop()
+            groups[-1] += last
+    return [(f"{g[0]}–{g[-1]}" if len(g) > 1 else f"{g[0]}", height(g)) for g in groups]
 
 
 def _draw_path(panel: Axes, column: int, weight: str, pixels: np.ndarray, errors: np.ndarray) -> None:

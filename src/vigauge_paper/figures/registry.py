@@ -28,17 +28,17 @@ _ALL = (
         "fig01_euroc_ellipses",
         "Figure 1",
         "ellipses",
-        "Seen from above: with the first pose held, the uncertainty of a position starts at zero and "
-        "grows along the flight; the free gauge spreads it over all keyframes, and Eq. (12) turns the "
-        "one picture into the other.",
+        "Seen from above: with the first pose held, the uncertainty of a position starts at zero; it grows "
+        "while the camera flies on, and levels off where it stays within decimetres. The free gauge spreads "
+        "it over all keyframes, and Eq. (12) turns the one picture into the other.",
     ),
     Figure(
         "fig02",
         "fig02_optimisation_paths",
         "Figure 2",
         "orbit",
-        "From one start all three approaches reach the same curve of equally good estimates; they "
-        "stop at different points of it.",
+        "From one start all three approaches reach the same curve of equally good estimates; fixation and "
+        "the prior end at the same point of it, the free gauge at another.",
     ),
     Figure(
         "fig03",

@@ -136,9 +136,10 @@ const gaugeExplorer = (() => {
   function drawSigmas(e, now, tint) {
     const [width, height, margin] = [520, 210, 46];
     const curves = [
-      { name: "first pose held", C: e.fixed.C, colour: COLOURS.fix, dash: "5 3", width: 1.2 },
-      { name: "free gauge of the motion", C: e.free, colour: COLOURS.free, dash: "2 3", width: 1.2 },
+      // The first is drawn below the others: dashes stay visible on it.
       { name: "here", C: now.C, colour: tint, dash: null, width: 2.8 },
+      { name: "free gauge of the motion", C: e.free, colour: COLOURS.free, dash: "2 3", width: 1.2 },
+      { name: "first pose held", C: e.fixed.C, colour: COLOURS.fix, dash: "5 3", width: 1.2 },
     ].map((curve) => ({ ...curve, mm: d3.range(e.N).map((k) => 1e3 * sigma(e, curve.C, k)) }));
     const X = d3.scaleLinear([0, e.N - 1], [margin, width - 8]);
     const Y = d3.scaleLinear([0, d3.max(curves, (curve) => d3.max(curve.mm))], [height - 34, 14]).nice();
@@ -149,7 +150,7 @@ const gaugeExplorer = (() => {
     svg.selectAll("path.curve").data(curves).join("path").attr("class", "curve").attr("d", (curve) => d3.line((_, k) => X(k), (value) => Y(value))(curve.mm))
       .attr("stroke", (curve) => curve.colour).attr("stroke-dasharray", (curve) => curve.dash).attr("stroke-width", (curve) => curve.width);
     svg.selectAll("text.label").data(["keyframe"]).join("text").attr("class", "label").attr("x", width / 2).attr("y", height - 3).text((text) => text);
-    d3.select("#sigmas-key").selectAll("span").data([...curves].reverse()).join("span").text((curve) => curve.name)
+    d3.select("#sigmas-key").selectAll("span").data(curves).join("span").text((curve) => curve.name)
       .style("border-top", (curve) => `${curve.dash ? 2 : 4}px ${curve.dash ? "dashed" : "solid"} ${curve.colour}`);
   }
 
@@ -219,7 +220,7 @@ const gaugeExplorer = (() => {
     svg.selectAll("path.line").data(paths).join("path").attr("class", "line").attr("d", (p) => curve(p.points)).attr("stroke", (p) => p.stroke)
       .attr("stroke-width", (p) => p.width).attr("stroke-dasharray", (p) => p.dash ?? null).attr("marker-end", (p) => (p.arrow ? "url(#tip)" : null));
     const words = [
-      { text: "orbit: estimates of the same cost", at: at(0.25 * widest(e), -0.34), anchor: "start", fill: COLOURS.fix },
+      { text: "orbit: estimates of the same cost", at: at(0, -0.43), anchor: "middle", fill: COLOURS.fix },
       { text: "gauge", at: at(1.2 * kappa, 1.22), anchor: "middle", fill: tint },
       { text: "Δθ", at: at(place + a, b + 0.1), anchor: "middle", fill: "#000" },
       { text: "carried", at: at(a, b + 0.1), anchor: "middle", fill: "#555" },

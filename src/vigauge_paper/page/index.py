@@ -17,6 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..claims import THEMES, Verdict, evidence_links, headline
+from ..claims.ledger import TIMED, UNRESOLVED
 from ..experiments.registry import EXPERIMENTS
 from ..figures.registry import FIGURES
 from ..figures.style import COLOURS
@@ -76,7 +77,9 @@ def index_page(material: Material) -> str:
 
 def _content(m: Material) -> dict[str, object]:
     places = _places(m)
-    by_id = {row["id"]: {**row, "why": m.why.get(row["id"], "")} for row in m.rows}
+    by_id: dict[str, dict[str, Any]] = {
+        row["id"]: {**row, "why": m.why.get(row["id"], ""), "timed": row["id"] in TIMED} for row in m.rows
+    }
     rows = [{**row, "evidence": evidence_links(row["id"], places)} for row in by_id.values()]
     extensions = {title: _table(file) for title, file in m.extensions.items()}
     if found := markdown.section(m.claims, SENSITIVITY):
@@ -99,9 +102,10 @@ def _content(m: Material) -> dict[str, object]:
         ],
         "extensions": extensions,
         "evidence": [
-            (name, EXPERIMENTS[name].about if name in EXPERIMENTS else "", _table(file))
+            (name, EXPERIMENTS[name].about if name in EXPERIMENTS else "", _read(name, m), _table(file))
             for name, file in m.evidence.items()
         ],
+        "unresolved": UNRESOLVED,
         "explorers": m.explorers,
         "environment": m.environment,
         "source": m.source,
@@ -129,6 +133,12 @@ def _figure(key: str, m: Material) -> dict[str, object]:
         "files": [file.with_suffix(ending).name for ending in (".pdf", figure.numbers)],
         "claims": [row for row in m.rows if key in evidence_links(row["id"], m.figures)],
     }
+
+
+def _read(name: str, m: Material) -> Markup:
+    """How to read a table, where the captions have it."""
+    file = m.captions / f"{name}.rst"
+    return caption(file, m.source, published=False) if file.is_file() else Markup()
 
 
 def _table(file: Path) -> Markup:

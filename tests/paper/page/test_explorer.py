@@ -227,7 +227,7 @@ def test_a_recording_says_what_it_does_not_know(page: Any) -> None:
     """Catches a NEES of the free gauge from landmarks whose truth nobody has, and a withheld covariance."""
     set_controls(page, {"estimate": "1", "kind": "free"})
     assert "not known" in page.locator("#stays").inner_text()
-    page.get_by_label("first pose (fixation)").check()
+    page.get_by_label("(fixation)").check()
     assert "not known" not in page.locator("#stays").inner_text()
     assert "still is not shown: its covariance is withheld. It does not move." in page.inner_text("#explorer")
 
