@@ -35,7 +35,7 @@ _OWN = "Ours"
 # Fig. 6: linear below this error, so that zero has a place; labels of iterations that are nearer than these
 # decades would overlap.
 _FLOOR = 1e-6
-_LABEL_DECADES = 0.3
+_LABEL_DECADES = 0.25
 
 
 def _weights(sweep: pd.DataFrame) -> list[str]:
@@ -189,11 +189,17 @@ def _ranges(heights: np.ndarray) -> list[tuple[str, float]]:
 
     groups: list[list[int]] = []
     for step in range(1, len(heights)):
-        groups.append([step])
-        while len(groups) > 1 and abs(height(groups[-1]) - height(groups[-2])) < _LABEL_DECADES:
-            last = groups.pop()
-            groups[-1] += last
-    return [(f"{g[0]}–{g[-1]}" if len(g) > 1 else f"{g[0]}", height(g)) for g in groups]
+        if groups and abs(heights[step] - heights[groups[-1][0]]) < _LABEL_DECADES:
+            groups[-1].append(step)
+        else:
+            groups.append([step])
+    apart: list[list[int]] = []
+    for group in groups:
+        # A label stands in the middle of its group, so that two may be nearer than their groups.
+        while apart and abs(height(group) - height(apart[-1])) < _LABEL_DECADES:
+            group = apart.pop() + group
+        apart.append(group)
+    return [(f"{g[0]}–{g[-1]}" if len(g) > 1 else f"{g[0]}", height(g)) for g in apart]
 
 
 def _draw_path(panel: Axes, column: int, weight: str, pixels: np.ndarray, errors: np.ndarray) -> None:
