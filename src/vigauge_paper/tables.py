@@ -112,7 +112,7 @@ def worse_than_start(solutions: Mapping[str, Path]) -> str:
             if end > start:
                 quantity = _SHORT[error].split()[0]
                 parts.append(f"{name}, {quantity} from {start:.3g} to {end:.3g} {unit}")
-    return f" **Worse at the end than at the start:** {'; '.join(parts)}." if parts else ""
+    return f"**Worse at the end than at the start:** {'; '.join(parts)}. " if parts else ""
 
 
 def _text(value: object) -> str:

@@ -50,7 +50,7 @@ def _prior_is_fixation(e: Evidence) -> Finding:
         for error in ERRORS
     )
     share = worst / HALF_A_DIGIT
-    text = f"mean RMSE differ by up to {worst:.1e} (m, deg, m/s), {share:.2g} times what is allowed"
+    text = f"mean RMSE differ by up to {worst:.1e} (m, deg, m/s), {share:.2g} times the limit"
     return text, verdict(share < 1.0)
 
 

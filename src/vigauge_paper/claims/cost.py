@@ -66,7 +66,8 @@ def _prior_costs_as_fixation(e: Evidence) -> Finding:
     count = e.difference(e.configurations, "iterations", PRIOR)
     time = e.time_ratio(e.configurations, PRIOR)
     margin = e.criteria.cost_margin
-    text = f"relative difference of iterations {count}; median paired ratio of times {time}, on {e.cpu}"
+    text = f"relative difference of iterations {count}; median paired ratio of times {time}; up to "
+    text += f"{100 * margin:g} % counts as the same; on {e.cpu}"
     return text, together((same(count, margin), same(time, margin, 1.0)))
 
 

@@ -57,8 +57,8 @@ def work(options: argparse.Namespace) -> None:
     note = f"{what}. {_BOLD}{beside if names else ''}{counted} {starts(solutions)} {_truths(options.reports)}"
     if options.spread and made_with(options.stamps, options.spread_stamp, "spread"):
         note += f" {spread_sentence(pd.read_csv(options.spread))}"
-    head = f"{_recordings(options.reports)} {_too_small(pd.read_csv(options.errors))}".strip()
-    head += worse_than_start(solutions)
+    data = f"{_recordings(options.reports)} {_too_small(pd.read_csv(options.errors))}".strip()
+    head = worse_than_start(solutions) + data
     write_table(rows, options.output, wide_errors(rows, published if names else None, names), note, head)
 
 

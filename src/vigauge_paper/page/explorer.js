@@ -224,7 +224,7 @@ const gaugeExplorer = (() => {
       { text: "gauge", at: at(1.2 * kappa, 1.22), anchor: "middle", fill: tint },
       { text: "Δθ", at: at(place + a, b + 0.1), anchor: "middle", fill: "#000" },
       { text: "carried", at: at(a, b + 0.1), anchor: "middle", fill: "#555" },
-      { text: "QΔθ", at: at(kappa * b, b + 0.22), anchor: "middle", fill: tint },
+      { text: "QΔθ", at: at(kappa * b + 0.05 * widest(e), b + 0.04), anchor: "start", fill: tint },
       { text: "θ", at: at(place, -0.2), anchor: "middle", fill: "#000" },
       { text: "θC", at: at(0.06 * widest(e), -0.13), anchor: "middle", fill: "#000" },
     ];
