@@ -119,7 +119,7 @@ def test_without_runs_nothing_is_claimed(runs: pd.DataFrame) -> None:
 def test_artefacts_say_what_the_runs_say(
     runs: pd.DataFrame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Catches a sentence left out, a mark under another gauge, and errors of other runs."""
+    """Catches a sentence or the number of trials left out, a mark of another gauge, errors of other runs."""
     drawn: dict[str, list[float]] = {}
 
     def keep(shown: Figure, stem: object) -> None:
@@ -134,6 +134,7 @@ def test_artefacts_say_what_the_runs_say(
     judged = pd.read_csv(tmp_path / "biases.csv")
     text = (tmp_path / "biases.md").read_text("utf-8")
     assert all(sentence in text for sentence in judged["sentence"])
+    assert f"with {runs['trial'].nunique()} trials a flight" in text
     counts = judged[judged["quantity"] == "iterations"].set_index("biases")["estimate"]
     for biases in ("known", "estimated"):
         assert drawn[f"Free, {biases} biases"] == [counts[biases]]

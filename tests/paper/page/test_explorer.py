@@ -223,6 +223,13 @@ def test_the_error_of_figure_8_is_dragged(page: Any) -> None:
     assert page.locator("#orbit path.line").last.get_attribute("d") == drawn
 
 
+def test_it_opens_where_the_gauge_makes_a_difference(page: Any) -> None:
+    """Catches an explorer that opens with two equal columns, the first pose held beside itself."""
+    for row in page.locator("#changes tr").all():
+        here, held = row.locator("td").all_inner_texts()
+        assert here != held
+
+
 def test_a_recording_says_what_it_does_not_know(page: Any) -> None:
     """Catches a NEES of the free gauge from landmarks whose truth nobody has, and a withheld covariance."""
     set_controls(page, {"estimate": "1", "kind": "free"})
