@@ -1,4 +1,4 @@
-# So that `snakemake --cores 2` works from here. The default target is not taken over by `include`.
+# Lets `snakemake --cores 2` run here. `include` does not take over the default target, so `paper` names it again.
 include: "workflow/Snakefile"
 
 
