@@ -6,15 +6,19 @@ queue of Slurm; so is one whose run was started on another machine, which cannot
 
 from __future__ import annotations
 
+import argparse
 import os
 import platform
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
 
 import psutil
+import yaml
 
 from vigauge.cli.command import EXIT_BAD_INPUT
 from vigauge.files import write_text
@@ -62,6 +66,24 @@ def _is_workflow(words: list[str]) -> bool:
     return "snakemake" in programs or stages
 
 
+def missing_executor(arguments: Sequence[str]) -> str:
+    """The executor that a run or its workflow profile asks for, where its plugin is not installed."""
+    options = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    options.add_argument("--executor", "-e")
+    options.add_argument("--workflow-profile", type=Path, default=Path("default"))
+    asked, _ = options.parse_known_args(arguments)
+    executor = asked.executor
+    files = [
+        folder / "config.yaml" for folder in (asked.workflow_profile, "profiles" / asked.workflow_profile)
+    ]
+    if profile := next((file for file in files if file.is_file()), None):
+        executor = executor or (yaml.safe_load(profile.read_text("utf-8")) or {}).get("executor")
+    own = executor in (None, "local", "dryrun", "touch")
+    return (
+        "" if own or find_spec(f"snakemake_executor_plugin_{executor.replace('-', '_')}") else str(executor)
+    )
+
+
 def _refuse(sentence: str) -> NoReturn:
     sys.stderr.write(f"error: {sentence}\n")
     sys.exit(EXIT_BAD_INPUT)
@@ -69,6 +91,11 @@ def _refuse(sentence: str) -> NoReturn:
 
 def main() -> None:
     folder = Path.cwd().resolve()
+    if executor := missing_executor(sys.argv[1:]):
+        _refuse(
+            f"the run asks for the executor {executor!r}, whose plugin is not installed:"
+            f" {sys.executable} -m pip install snakemake-executor-plugin-{executor}"
+        )
     running = runs_in(folder)
     if running:
         others = f", and {len(running) - 1} more" if running[1:] else ""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from vigauge_paper.commands.resume import runs_in
+from vigauge_paper.commands.resume import missing_executor, runs_in
 
 # A process that does nothing, under the command line of another.
 SLEEP = "import sys, time; sys.stdout.write('here'); sys.stdout.flush(); time.sleep(120)"
@@ -49,6 +49,19 @@ def test_other_programs_of_the_folder_are_none(tmp_path: Path) -> None:
     """An editor or a shell that is open in the project."""
     with process(tmp_path.resolve(), "Snakefile", "snakemake.log"):
         assert runs_in(tmp_path.resolve()) == []
+
+
+@pytest.mark.parametrize("asked", [("--workflow-profile", "profiles/far"), ("--executor", "far")])
+def test_an_executor_that_is_not_installed_is_one_sentence(tmp_path: Path, asked: tuple[str, str]) -> None:
+    """Catches a hundred lines of usage that never say what to install."""
+    (tmp_path / "profiles" / "far").mkdir(parents=True)
+    (tmp_path / "profiles" / "far" / "config.yaml").write_text("executor: far\n", "utf-8")
+    command = [sys.executable, "-m", "vigauge_paper.commands.resume", *asked]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    (sentence,) = done.stderr.splitlines()
+    assert done.returncode == 2 and sentence.startswith("error: ")
+    assert sentence.endswith("-m pip install snakemake-executor-plugin-far")
+    assert missing_executor(["--executor", "local", "--cores", "1"]) == ""
 
 
 def resume(folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
