@@ -45,8 +45,9 @@ except VigaugeError as error:
     raise WorkflowError(str(error))
 
 OUT = "paper_figures"
-# All of the machine: the profile gives every other job one of as many, so that a timed job runs alone.
-ALONE = 1000
+# Resources of a timed job, so that nothing runs beside it. On this machine, it takes all 1000 of `timed`, of
+# which profiles/default gives every other job one. On Slurm, it asks for a node to itself.
+ALONE = {"timed": 1000, "slurm_extra": "--exclusive"}
 SWEEP = config["prior"]["sweep_configuration"]
 READING = config["prior"]["reading"]
 # As solves need it, and with both meanings of its weight.
@@ -78,7 +79,7 @@ def section(*keys):
 
 
 def made(kind, names, stamp=False):
-    """Files of a kind of result, one an experiment, or their stamps; rules say so what they read."""
+    """The files of one kind of result, one for each experiment named; with ``stamp``, the stamps of these."""
     files = []
     for name in names:
         maker, output = producer(kind, name)

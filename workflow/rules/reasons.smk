@@ -58,7 +58,7 @@ rule reasons_time:
     conda:
         "../envs/vigauge.yaml"
     resources:
-        timed=ALONE,
+        **ALONE,
         runtime=120,
     params:
         code=code_of("reasons_time"),

@@ -67,7 +67,7 @@ rule time_simulation:
     conda:
         "../envs/vigauge.yaml"
     resources:
-        timed=ALONE,
+        **ALONE,
         runtime=120,
     params:
         code=code_of("time_solves"),
@@ -117,7 +117,7 @@ rule prior_sweep:
     conda:
         "../envs/vigauge.yaml"
     resources:
-        timed=ALONE,
+        **ALONE,
         runtime=120,
     params:
         code=code_of("prior_sweep"),
