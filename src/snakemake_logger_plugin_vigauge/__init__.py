@@ -1,4 +1,4 @@
-"""What a run of the workflow says on the terminal: one line a stage, four for a stage that fails.
+"""What a run of the workflow says on the terminal: a line to begin, one a stage, four where one fails.
 
 `profiles/default` chooses it. The rest of what Snakemake says, reasons included, is in the log of the run
 under `.snakemake/log`; a dry run prints what Snakemake prints.
@@ -28,9 +28,9 @@ _SHARE = re.compile(r": (\d+) of (\d+) ")
 _TOLD = re.compile(
     r"Exiting because a job execution failed|At least one job did not complete|CalledProcessError"
 )
-# The answers of runs that make nothing.
+# The answers of runs that make nothing, and the last word of a run that makes everything.
 _ANSWER = re.compile(
-    r"Nothing to be done|Unlocked|Deleting|Touching|Report created|Congratulations|archived "
+    r"Nothing to be done|Unlocked|Deleting|Touching|Report created|Congratulations|archived |page to open"
 )
 _CELLS = 20
 
@@ -107,7 +107,8 @@ class LogHandler(LogHandlerBase):
         """What to say of an event; None where it is for the log only."""
         event = getattr(record, "event", None)
         if event == LogEvent.RUN_INFO:
-            self.total = record.stats["total"]
+            begins, self.total = not self.total, record.stats["total"]
+            return f"Stages to make: {self.total}; each prints a line when it ends" if begins else None
         elif event == LogEvent.PROGRESS:
             self.total = record.total
         elif event == LogEvent.JOB_INFO:

@@ -1,4 +1,7 @@
-"""Before the first job: no build replaces the other source's results in silence, and stages are timed alone."""
+"""Before the first job: no results of another source or of more trials go in silence; stages are timed alone."""
+
+from collections import Counter
+from csv import DictReader
 
 from snakemake.logging import logger
 
@@ -6,6 +9,7 @@ THIS_BUILD = {
     "source": SEQUENCES.source,
     "claims": SEQUENCES.source_of_claims,
     "published": config["figures"]["show_published"] and SEQUENCES.are_published,
+    "trials": config["simulation"]["n_trials"],
 }
 try:
     BUILDS = Builds.read(Path(OUT, "source.json"), THIS_BUILD, config.get("replace_other_source", False))
@@ -23,8 +27,25 @@ onstart:
         logger.warning(
             "stages may be timed beside others: no limit on `timed`, which profiles/default has"
         )
-    jobs = [job for job in workflow.dag.needrun_jobs() if "source" in job.params.keys()]
-    files = [file for job in jobs for file in job.output if file.startswith(f"{OUT}/")]
+    files = {
+        file: "source" in job.params.keys()
+        for job in workflow.dag.needrun_jobs()
+        for file in job.output
+        if file.startswith(f"{OUT}/")
+    }
     if refusal := BUILDS.conflict(files, "this run"):
         raise WorkflowError(refusal)
     BUILDS.begin(files)
+
+
+onsuccess:
+    if any(rules.index.output[0] in job.output for job in workflow.dag.jobs):
+        with open(rules.claims.output.csv, encoding="utf-8", newline="") as stream:
+            count = Counter(row["verdict"] for row in DictReader(stream))
+        verdicts = ", ".join(f"{number} {verdict}" for verdict, number in count.most_common())
+        # The expected values are those of the configuration of this checkout.
+        ours = not workflow.overwrite_configfiles and Path.cwd() == ROOT
+        check = " To compare with the expected values: make check-results" if ours else ""
+        logger.info(
+            f"The page to open: {Path(rules.index.output[0]).resolve()} (claims: {verdicts}).{check}"
+        )

@@ -1,4 +1,4 @@
-"""Whose sequences the results in paper_figures/ show: no build replaces the other source's in silence."""
+"""What results in paper_figures/ were made from: none of another source or more trials goes in silence."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ _WORDS = {
 class Builds:
     """What each result that is there was made from (``shown``, by file), and what ``this`` build takes.
 
-    A build is its source of sequences, what the ledger takes them for, and whether the paper's
-    numbers stand beside them. ``may_replace`` allows results of another source to go.
+    A build is its number of simulated trials and, for results that show sequences, their source, what the
+    ledger takes them for, and whether the paper's numbers stand beside them. ``may_replace`` allows
+    results of another source or of more trials to go.
     """
 
     record: Path
@@ -38,7 +39,7 @@ class Builds:
             return cls(record, {}, this, may_replace)
         try:
             found = json.loads(record.read_text("utf-8"))
-            wrong = [file for file, build in found.items() if build["claims"] not in _WORDS]
+            wrong = [file for file, build in found.items() if not _is_build(build)]
         except (ValueError, AttributeError, TypeError, KeyError) as error:
             wrong = [str(error)]
         if wrong:
@@ -47,15 +48,22 @@ class Builds:
         return cls(record, there, this, may_replace)
 
     def conflict(self, files: Iterable[str], run: str) -> str:
-        """What stands there, what a run takes, how to choose, in words; empty where they are the same."""
-        other = [f for f in files if f in self.shown and self.shown[f]["claims"] != self.this["claims"]]
-        if self.may_replace or not other:
+        """What stands there, what a run takes, how to choose, in words; empty where nothing is lost."""
+        there = [self.shown[file] for file in files if file in self.shown and not self.may_replace]
+        claims, trials = self.this["claims"], self.this["trials"]
+        other = [build["claims"] for build in there if build.get("claims", claims) != claims]
+        more = [build["trials"] for build in there if build.get("trials", 0) > trials]
+        if other:
+            theirs = f"show {' and '.join(sorted({_WORDS[source] for source in other}))}"
+            ours = f"{_WORDS[claims]}: set EUROC_ROOT (or euroc.root) as in the build before,"
+        elif more:
+            theirs, ours = f"are of {max(more)} trials", f"those of {trials}:"
+        else:
             return ""
-        theirs = " and ".join(sorted({_WORDS[self.shown[file]["claims"]] for file in other}))
         return (
-            f"{len(other)} file(s) of {self.record.parent}/ show {theirs}, and {run} would replace them by"
-            f" {_WORDS[self.this['claims']]}: set EUROC_ROOT (or euroc.root) as in the build before, make"
-            " this one elsewhere with --directory, or let those go with --config replace_other_source=True"
+            f"{len(other or more)} file(s) of {self.record.parent}/ {theirs}, and {run} would replace them by"
+            f" {ours} make this one elsewhere with --directory FOLDER, or let those go with"
+            " --config replace_other_source=True"
         )
 
     def extensions(self, made: Mapping[str, str]) -> list[str]:
@@ -63,14 +71,22 @@ class Builds:
         claims = {name: self.shown.get(file, {}).get("claims") for name, file in made.items()}
         return [f"{name}={file}" for name, file in made.items() if claims[name] == self.this["claims"]]
 
-    def begin(self, files: list[str]) -> None:
-        """Enter the files that a run makes, and take away what it replaces.
+    def begin(self, files: Mapping[str, bool]) -> None:
+        """Enter the files that a run makes, and whether each shows sequences; take away what it replaces.
 
         So a run that breaks off leaves no file whose record is wrong.
         """
-        for file in files:
-            if self.shown.get(file, self.this) != self.this:
+        simulated = {"trials": self.this["trials"]}
+        builds = {file: self.this if shows else simulated for file, shows in files.items()}
+        for file, build in builds.items():
+            if self.shown.get(file, build) != build:
                 Path(file).unlink()
-        if files:
+        if builds:
             self.record.parent.mkdir(parents=True, exist_ok=True)
-            write_json(self.record, {**self.shown, **dict.fromkeys(files, self.this)})
+            write_json(self.record, {**self.shown, **builds})
+
+
+def _is_build(build: Mapping[str, Any]) -> bool:
+    return isinstance(build.get("trials", 0), int) and (
+        build.get("claims") in _WORDS or set(build) == {"trials"}
+    )

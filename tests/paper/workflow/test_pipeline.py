@@ -404,9 +404,10 @@ def of_euroc(folder: Path) -> Path:
     """The record says that what stands there is EuRoC's; the path of the record."""
     path = folder / "paper_figures" / "source.json"
     record = json.loads(path.read_text("utf-8"))
-    assert len(record) > 15 and {build["claims"] for build in record.values()} == {"rendered"}
-    made = {"source": "euroc", "claims": "euroc", "published": True}
-    path.write_text(json.dumps(dict.fromkeys(record, made)), "utf-8")
+    shows = {file: build for file, build in record.items() if "claims" in build}
+    assert len(shows) > 15 and {build["claims"] for build in shows.values()} == {"rendered"}
+    made = {"source": "euroc", "claims": "euroc", "published": True, "trials": 4}
+    path.write_text(json.dumps(record | dict.fromkeys(shows, made)), "utf-8")
     return path
 
 
@@ -428,13 +429,34 @@ def test_results_of_another_source_are_not_replaced_unasked(scratch_project: Pat
     # What shows no sequence is made as ever.
     others = snakemake(scratch_project, "--force", "paper_figures/table1.csv")
     assert others.returncode == 0, others.stderr[-3000:]
-    done = snakemake(scratch_project, "paper_figures/table3.csv", "--config", "replace_other_source=True")
+    leave = ("--config", "replace_other_source=True")
+    done = snakemake(scratch_project, "--force", "paper_figures/table3.csv", *leave)
     assert done.returncode == 0, done.stderr[-3000:]
     assert {row["source"] for row in rows(table)} == {"rendered"}
-    builds = {file: build["claims"] for file, build in json.loads(record.read_text("utf-8")).items()}
+    builds = {file: build.get("claims") for file, build in json.loads(record.read_text("utf-8")).items()}
     assert {file for file, source in builds.items() if source == "rendered"} == {
         f"paper_figures/table3.{ending}" for ending in ("csv", "md", "tex")
     }
+
+
+def test_results_of_more_trials_are_not_replaced_unasked(scratch_project: Path) -> None:
+    """A smoke run over finished results of 50 trials; and more trials, which need no leave."""
+    target = "paper_figures/table2.csv"
+    before = (scratch_project / target).read_bytes()
+    refused = snakemake(scratch_project, target, "--config", "simulation={n_trials: 3}")
+    (sentence,) = [line for line in refused.stderr.splitlines() if "this run would" in line]
+    assert (
+        refused.returncode != 0
+        and "are of 4 trials, and this run would replace them by those of 3" in sentence
+    )
+    assert "--directory FOLDER" in sentence and "--config replace_other_source=True" in sentence
+    assert (scratch_project / target).read_bytes() == before
+    for trials, *leave in ((3, "replace_other_source=True"), (5,)):
+        given = ("--config", f"simulation={{n_trials: {trials}}}", *leave)
+        done = snakemake(scratch_project, target, *given)
+        assert done.returncode == 0, done.stderr[-3000:]
+        record = json.loads((scratch_project / "paper_figures" / "source.json").read_text("utf-8"))
+        assert record[target] == {"trials": trials}
 
 
 @pytest.mark.slow

@@ -50,7 +50,8 @@ def lines(folder: Path, b: str, *arguments: str) -> list[str]:
 
 def test_one_line_a_stage(tmp_path: Path) -> None:
     """Catches walls of reasons, and a count, a time or a file that is missing."""
-    a, b, everything = lines(tmp_path, FINE)
+    begin, a, b, everything = lines(tmp_path, FINE)
+    assert begin == "Stages to make: 3; each prints a line when it ends"
     assert re.fullmatch(r"\[1/3\] +[3-9]\.\d s  Making a: data/a.csv and 1 more", a)
     assert re.fullmatch(r"\[2/3\] +\d+\.\d s  Making b: data/b.csv", b)
     assert re.fullmatch(r"\[3/3\] +\d+\.\d s  all: all is made", everything)
@@ -60,7 +61,7 @@ def test_one_line_a_stage(tmp_path: Path) -> None:
 
 def test_a_failure_says_why_and_how_to_repeat_it(tmp_path: Path) -> None:
     """Catches a failure whose reason is only in a file, that is told twice, or whose command is wrong."""
-    _, failed, sentence, log, again = lines(tmp_path, BAD_ROW)
+    _, _, failed, sentence, log, again = lines(tmp_path, BAD_ROW)
     assert re.fullmatch(r"failed after \d+\.\d s: Making b", failed)
     assert sentence == "  error: data/a.csv, row 3: must be finite (found nan)"
     assert log == "  log: logs/b.log"
@@ -118,7 +119,7 @@ def test_on_a_terminal_a_bar_stands_below_the_lines(tmp_path: Path) -> None:
     text = shown.decode()
     assert re.search(r"\r\x1b\[K░{20} 0/3, Making a 40 % \(\d s\)", text)
     left = [re.sub(r".*\r\x1b\[K", "", line) for line in text.replace("\r\n", "\n").split("\n")]
-    assert [line[:5] for line in left if line] == ["[1/3]", "[2/3]", "[3/3]"]
+    assert [line[:5] for line in left if line] == ["Stage", "[1/3]", "[2/3]", "[3/3]"]
 
 
 def test_the_default_profile_chooses_it() -> None:
