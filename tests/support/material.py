@@ -58,6 +58,7 @@ def material_of(folder: Path, explorers: Sequence[dict[str, object]] = ()) -> Ma
             "sequences": {"rendered_hall": {"source": "rendered", "truth": "t"}},
             "versions": {"numpy": "2"},
             "machine": {"processor": "P", "cores": 2},
+            "speed": {"simulation": {"drift": 0.013}, "sweep": {"drift": 0.027}},
             "seed": 1,
             "commit": "abcdef",
         },

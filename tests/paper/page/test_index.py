@@ -114,3 +114,8 @@ def test_further_results_are_shown_where_they_are(material: Material, tmp_path: 
     claims = "# Claims\n\n## Where in the range of our assumptions\n\n| parameter |\n|---|\n| noise |\n"
     text = index_page(replace(material, claims=claims, extensions={"Other parts": windows}))
     assert "<h3>Other parts</h3>" in text and "<td>MH_01_w1</td>" in text and "<td>noise</td>" in text
+
+
+def test_the_largest_drift_of_the_processor_stands_beside_the_times(material: Material) -> None:
+    """Catches times whose machine slowed down meanwhile, and nobody reads that."""
+    assert re.search(r"speed\s+changed by up to 2\.7 %", index_page(material))
