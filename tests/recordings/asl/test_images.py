@@ -68,7 +68,7 @@ def test_file_that_is_no_image_is_refused(tmp_path):
     ("image", "found"),
     [
         (np.zeros((30, 40, 3), np.uint8), "uint8, 3 channels"),
-        (np.zeros((30, 40, 3), np.uint16), "uint8, 3 channels"),
+        (np.zeros((30, 40, 3), np.uint16), "uint16, 3 channels"),
         (np.zeros((30, 39), np.uint8), "39 x 30"),
         (np.zeros((40, 30), np.uint8), "30 x 40"),
     ],

@@ -606,7 +606,10 @@ def test_images_that_cannot_be_read_are_named(folder: Path) -> None:
         (lambda path: replace_image(path, b"not an image"), "must be a whole PNG or JPEG file"),
         (lambda path: replace_image(path, path.read_bytes()[:5000]), "must be a whole PNG or JPEG file"),
         (lambda path: redraw(path, lambda image: image[:100]), "must be 752 x 480 pixels"),
-        (lambda path: redraw(path, lambda image: image.astype(np.uint16)), "must be an 8-bit grey image"),
+        (
+            lambda path: redraw(path, lambda image: image.astype(np.uint16)),
+            "must use the upper 8 of its 16 bits",
+        ),
     ):
         path = image_files(folder, "cam0")[0]
         kept = path.read_bytes()

@@ -27,6 +27,8 @@ _WHOLE = "must be a whole PNG or JPEG file that OpenCV can decode"
 def read_image(path: Path, camera: Camera) -> NDArray[np.uint8]:
     """(height, width) 8-bit grey image as the camera took it, distortion and all; of 16 bits the upper 8.
 
+    A 16-bit image without any value in its upper 8 bits is refused: it holds values of 8 bits.
+
     Raises
     ------
     DataError
@@ -43,7 +45,10 @@ def read_image(path: Path, camera: Camera) -> NDArray[np.uint8]:
     if declared != (camera.width, camera.height):
         _refuse_size(path, camera, *declared)
     image = _decoded(data, str(path), None)
-    if image.dtype == np.uint16:  # as TUM-VI has them
+    if image.dtype == np.uint16 and image.ndim == 2:  # as TUM-VI has them
+        largest = int(image.max())
+        if largest < 256:
+            raise DataError(path, "must use the upper 8 of its 16 bits; save it with 8 bits", value=largest)
         image = (image >> 8).astype(np.uint8)
     if image.ndim != 2 or image.dtype != np.uint8:
         found = f"{image.dtype}, {1 if image.ndim == 2 else image.shape[2]} channels"
