@@ -315,15 +315,6 @@ def accumulate(
                 landmark_gradient[j, a] = s[_BATCH + (6 + a) * L + i]
 
 
-@part
-def left_multiply_transposed(A: Array, B: Array) -> None:
-    """B <- A^T B for 3 x 3 matrices, in place."""
-    for b in range(B.shape[1]):
-        x, y, z = B[0, b], B[1, b], B[2, b]
-        for a in range(3):
-            B[a, b] = A[0, a] * x + A[1, a] * y + A[2, a] * z
-
-
 @kernel
 def spread_poses(pose: Array, column: Index, stride: int, storage: Array, gradient: Array) -> None:
     """Add the keyframes' accumulators (N, 27) to the stored lower triangle and to the gradient (9N,).

@@ -23,7 +23,7 @@ from ..model import first_rotation
 from ..model.factors import LinearFactor
 from ..model.problem import Problem
 from ..model.state import State
-from ..sparsity.layout import Index, by_keyframe
+from ..sparsity.layout import Index, Layout, by_keyframe
 from ..sparsity.rounding import rounding
 from ..sparsity.structure import Structure
 from .factors import add_factor, linear_factors
@@ -106,15 +106,7 @@ class NormalEquations:
     def _to_total(self, storage: Array, gradient: Array) -> None:
         """Take a stored system and its gradient to total increments, add the ``total`` factors; in place."""
         layout = self.structure.layout
-        first_rotation_kernels.system_to_total(
-            storage,
-            gradient,
-            layout.first_rotation,
-            layout.width,
-            layout.stride,
-            layout.half_bandwidth,
-            self.chain,
-        )
+        _chart_to_total(layout, self.chain, storage, gradient)
         for factor in self.total:
             add_factor(factor, layout, storage, gradient)
 
@@ -306,6 +298,19 @@ class ReducedSystem:
         return step.reshape(landmark.shape)
 
 
+def _chart_to_total(layout: Layout, chain: Array, storage: Array, gradient: Array) -> None:
+    """Take a stored system and its gradient from left to total increments of the first rotation, in place."""
+    first_rotation_kernels.system_to_total(
+        storage,
+        gradient,
+        layout.first_rotation,
+        layout.width,
+        layout.stride,
+        layout.half_bandwidth,
+        chain,
+    )
+
+
 def _all_seen(landmark: Array) -> bool:
     """Whether every block is finite and has information along all three axes."""
     return bool(np.all(np.isfinite(landmark)) and np.all(np.diagonal(landmark, axis1=1, axis2=2) > 0.0))
@@ -388,13 +393,5 @@ def inertial_information(problem: Problem, state: State) -> Array:
     inertial_kernels(problem).accumulate(
         *inertial_inputs(problem, state), layout.column, layout.stride, storage, gradient
     )
-    first_rotation_kernels.system_to_total(
-        storage,
-        gradient,
-        layout.first_rotation,
-        layout.width,
-        layout.stride,
-        layout.half_bandwidth,
-        first_rotation.chain(state),
-    )
+    _chart_to_total(layout, first_rotation.chain(state), storage, gradient)
     return layout.dense(storage)
