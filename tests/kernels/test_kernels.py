@@ -65,15 +65,21 @@ def test_logarithm_near_half_a_turn(angle, axis):
     assert min(np.abs(found - angle * axis).max(), np.abs(found + angle * axis).max()) < 1e-14
 
 
-def test_rotations_are_retracted_as_by_the_definitions():
-    """Catches the first keyframe moved by a left increment instead of its total, Eqs. (8)-(9)."""
-    rng = np.random.default_rng(0)
-    R_WB, step = so3.exp(rng.normal(size=(5, 3))), rng.normal(size=(5, 3))
-    dphi_0, R_ref = rng.normal(size=3), so3.exp(rng.normal(size=3))
-    out = np.empty_like(R_WB)
-    rotation.retract_rotations(R_WB, step, dphi_0, R_ref, out)
-    assert np.abs(out[0] - so3.exp(dphi_0) @ R_ref).max() < 1e-14
-    assert np.abs(out[1:] - so3.exp(step[1:]) @ R_WB[1:]).max() < 1e-14
+def test_a_state_is_retracted_as_by_the_definitions():
+    """Catches the first keyframe moved by a left increment instead of its total, Eqs. (8)-(9), and a kind of
+    parameter that takes another's part of the step."""
+    rng, n, k = np.random.default_rng(0), 5, 4
+    p_W, v_W, X_W = rng.normal(size=(n, 3)), rng.normal(size=(n, 3)), rng.normal(size=(k, 3))
+    R_WB, dphi_0, R_ref = so3.exp(rng.normal(size=(n, 3))), rng.normal(size=3), so3.exp(rng.normal(size=3))
+    delta = rng.normal(size=15 * n + 3 * k)  # with biases, which are no part of this
+    out = [np.empty_like(array) for array in (p_W, R_WB, v_W, X_W, dphi_0)]
+    rotation.retract(delta, p_W, R_WB, v_W, X_W, dphi_0, R_ref, *out)
+    p, turn, v = delta[: 9 * n].reshape(3, n, 3)
+    turned = so3.exp(turn) @ R_WB
+    turned[0] = so3.exp(dphi_0 + turn[0]) @ R_ref
+    expected = p_W + p, turned, v_W + v, X_W + delta[15 * n :].reshape(k, 3), dphi_0 + turn[0]
+    for found, right in zip(out, expected, strict=True):
+        assert np.abs(found - right).max() < 1e-14
 
 
 @pytest.mark.parametrize(

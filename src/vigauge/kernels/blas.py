@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from ..geometry.so3 import Array
 from .compiled import part
 
-_INT = types.CPointer(types.int32)
-_CHAR = types.CPointer(types.uint8)
-_DOUBLE = types.CPointer(types.float64)
+INT = types.CPointer(types.int32)
+CHAR = types.CPointer(types.uint8)
+DOUBLE = types.CPointer(types.float64)
 
 # Compiled code on disk refers to the symbol, so every process gives it its address on import.
 llvmlite.binding.add_symbol("vigauge_dgemm", get_cython_function_address("scipy.linalg.cython_blas", "dgemm"))
 _dgemm: Any = types.ExternalFunction(
     "vigauge_dgemm",
-    types.void(_CHAR, _CHAR, _INT, _INT, _INT, _DOUBLE, _DOUBLE, _INT, _DOUBLE, _INT, _DOUBLE, _DOUBLE, _INT),
+    types.void(CHAR, CHAR, INT, INT, INT, DOUBLE, DOUBLE, INT, DOUBLE, INT, DOUBLE, DOUBLE, INT),
 )
 
 _PLAIN = np.frombuffer(b"N", dtype=np.uint8)

@@ -26,6 +26,15 @@ def predicted_decrease(gradient: Array, damping: Array, step: Array) -> float:
 
 
 @part
+def largest(values: Array) -> float:
+    """The largest absolute value."""
+    out = 0.0
+    for value in values:
+        out = max(out, abs(value))
+    return out
+
+
+@part
 def squares(p_W: Array, v_W: Array, X_W: Array, dphi_0: Array) -> float:
     """Sum of squares of the parameters, but for the rotations after the first."""
     total = 0.0

@@ -17,10 +17,19 @@ def vector_to_total(vector: Array, at: int, chain: Array) -> None:
 
 @part
 def system_to_total(
-    storage: Array, gradient: Array, at: int, width: int, stride: int, half_bandwidth: int, chain: Array
+    storage: Array,
+    gradient: Array,
+    at: int,
+    width: int,
+    stride: int,
+    half_bandwidth: int,
+    chain: Array,
+    stored: Index,
+    damping: Array,
 ) -> None:
-    """T^T S T of a stored lower triangle and T^T g, in place; T is the identity with ``chain`` at ``at``.. .
+    """T^T S T + diag(damping) of a stored lower triangle and T^T g, in place; ``damping`` may be empty.
 
+    T is the identity with ``chain`` at ``at``.. , and damping in the order of ``stored``, or longer.
     Entry (r, c) is ``storage[c * stride + r]``. A keyframe has ``width`` columns. Blocks of keyframes that
     the band does not reach are zero.
     """
@@ -46,6 +55,8 @@ def system_to_total(
         u, v, w = s00 * x + s10 * y + s20 * z, s10 * x + s11 * y + s21 * z, s20 * x + s21 * y + s22 * z
         for a in range(b, 3):
             storage[start + b * stride + a] = chain[0, a] * u + chain[1, a] * v + chain[2, a] * w
+    for i in range(min(len(stored), len(damping))):
+        storage[stored[i] * (stride + 1)] += damping[i]
 
 
 @part

@@ -14,7 +14,10 @@ from .sizes import KEYFRAME
 
 
 class Increments(NamedTuple):
-    """The arrays of :class:`vigauge.model.problem.InertialFactors`, and gravity in m/s^2."""
+    """The arrays of :class:`vigauge.model.problem.InertialFactors`, and gravity in m/s^2.
+
+    Kernels take them one by one: the type of a tuple costs more to find than a short kernel to run.
+    """
 
     first: Index
     second: Index
@@ -24,14 +27,6 @@ class Increments(NamedTuple):
     dv: Array
     whitener: Array
     gravity: float
-
-
-class Motion(NamedTuple):
-    """Positions (N, 3), rotations (N, 3, 3) and velocities (N, 3) of the keyframes."""
-
-    p_W: Array
-    R_WB: Array
-    v_W: Array
 
 
 @part
@@ -74,10 +69,21 @@ def error_of(
 
 
 @kernel
-def residuals(factors: Increments, motion: Motion, out: Array) -> None:
+def residuals(
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    out: Array,
+) -> None:
     """Whitened errors into ``out`` (F, 9), order (position, rotation, velocity)."""
-    first, second, dt, dp, dR, dv, whitener, gravity = factors
-    p_W, R_WB, v_W = motion
     shift, change, turn, error = np.empty(3), np.empty(3), np.empty(3), np.empty(9)
     scratch = np.empty((3, 3))
     for f in range(len(dt)):
@@ -93,10 +99,22 @@ def residuals(factors: Increments, motion: Motion, out: Array) -> None:
 
 
 @kernel
-def cost(factors: Increments, motion: Motion) -> float:
+def cost(
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+) -> float:
     """Sum of squares of :func:`residuals`."""
-    white = np.empty((len(factors.dt), KEYFRAME))
-    residuals(factors, motion, white)
+    white = np.empty((len(dt), KEYFRAME))
+    residuals(first, second, dt, dp, dR, dv, whitener, gravity, p_W, R_WB, v_W, white)
     squares = 0.0
     for f in range(len(white)):
         for a in range(KEYFRAME):
@@ -188,14 +206,26 @@ _ROW = 24
 
 @kernel
 def accumulate(
-    factors: Increments, motion: Motion, column: Index, stride: int, storage: Array, gradient: Array
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    column: Index,
+    stride: int,
+    storage: Array,
+    gradient: Array,
 ) -> None:
     """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (9N,).
 
     ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
     """
-    first, second, dt, dp, dR, dv, whitener, gravity = factors
-    p_W, R_WB, v_W = motion
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     inverse, J = np.empty((3, 3)), np.zeros((KEYFRAME, _ROW))
     W_J, product = np.empty((KEYFRAME, _ROW)), np.empty((2 * KEYFRAME, _ROW))

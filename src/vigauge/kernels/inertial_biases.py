@@ -13,29 +13,28 @@ import numpy as np
 from ..geometry.so3 import Array
 from . import rotation
 from .compiled import kernel, part
-from .inertial import Increments, Motion, add_products, error_of, jacobian_of
+from .inertial import add_products, error_of, jacobian_of
 from .lanes import Index
 from .sizes import WITH_BIASES
 
 
 class BiasedIncrements(NamedTuple):
-    """Increments whose whitener is (F, 15, 15).
+    """As :class:`.inertial.Increments`, with a whitener (F, 15, 15).
 
     ``by_bias`` (F, 9, 6): their derivative by the gyroscope's and the accelerometer's bias; ``bias`` (F, 6):
     where they were integrated.
     """
 
-    increments: Increments
+    first: Index
+    second: Index
+    dt: Array
+    dp: Array
+    dR: Array
+    dv: Array
+    whitener: Array
+    gravity: float
     by_bias: Array
     bias: Array
-
-
-class BiasedMotion(NamedTuple):
-    """Motion of the keyframes, and their biases (N, 3)."""
-
-    motion: Motion
-    gyro_bias: Array
-    accel_bias: Array
 
 
 @part
@@ -67,10 +66,25 @@ def _corrected(
 
 
 @kernel
-def residuals(factors: BiasedIncrements, motion: BiasedMotion, out: Array) -> None:
+def residuals(
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    by_bias: Array,
+    bias: Array,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    gyro_bias: Array,
+    accel_bias: Array,
+    out: Array,
+) -> None:
     """Whitened errors into ``out`` (F, 15): position, rotation, velocity, steps of both biases."""
-    (first, second, dt, dp, dR, dv, whitener, gravity), by_bias, bias = factors
-    (p_W, R_WB, v_W), gyro_bias, accel_bias = motion
     shift, change, turn, error = np.empty(3), np.empty(3), np.empty(3), np.empty(15)
     scratch, moved, dp_f, dR_f, dv_f = (
         np.empty((3, 3)),
@@ -108,10 +122,43 @@ def residuals(factors: BiasedIncrements, motion: BiasedMotion, out: Array) -> No
 
 
 @kernel
-def cost(factors: BiasedIncrements, motion: BiasedMotion) -> float:
+def cost(
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    by_bias: Array,
+    bias: Array,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    gyro_bias: Array,
+    accel_bias: Array,
+) -> float:
     """Sum of squares of :func:`residuals`."""
-    white = np.empty((len(factors.bias), WITH_BIASES))
-    residuals(factors, motion, white)
+    white = np.empty((len(dt), WITH_BIASES))
+    residuals(
+        first,
+        second,
+        dt,
+        dp,
+        dR,
+        dv,
+        whitener,
+        gravity,
+        by_bias,
+        bias,
+        p_W,
+        R_WB,
+        v_W,
+        gyro_bias,
+        accel_bias,
+        white,
+    )
     squares = 0.0
     for f in range(len(white)):
         for a in range(WITH_BIASES):
@@ -125,8 +172,21 @@ _ROW = 32
 
 @kernel
 def accumulate(
-    factors: BiasedIncrements,
-    motion: BiasedMotion,
+    first: Index,
+    second: Index,
+    dt: Array,
+    dp: Array,
+    dR: Array,
+    dv: Array,
+    whitener: Array,
+    gravity: float,
+    by_bias: Array,
+    bias: Array,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    gyro_bias: Array,
+    accel_bias: Array,
     column: Index,
     stride: int,
     storage: Array,
@@ -136,8 +196,6 @@ def accumulate(
 
     ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
     """
-    (first, second, dt, dp, dR, dv, whitener, gravity), by_bias, bias = factors
-    (p_W, R_WB, v_W), gyro_bias, accel_bias = motion
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     moved, dp_f, dR_f, dv_f = np.empty(9), np.empty(3), np.empty((3, 3)), np.empty(3)
     inverse, left, chain = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))

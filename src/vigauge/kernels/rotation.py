@@ -98,19 +98,43 @@ def log(R: Array, out: Array) -> None:
 
 
 @kernel
-def retract_rotations(R_WB: Array, step: Array, dphi_0: Array, R_ref: Array, out: Array) -> None:
-    """Eqs. (8)-(9): Exp(step) R for all but the first, Exp(dphi_0) R_ref for the first."""
-    turn = np.empty((3, 3))
-    for i in range(R_WB.shape[0]):
+def retract(
+    delta: Array,
+    p_W: Array,
+    R_WB: Array,
+    v_W: Array,
+    X_W: Array,
+    dphi_0: Array,
+    R_ref: Array,
+    p_out: Array,
+    R_out: Array,
+    v_out: Array,
+    X_out: Array,
+    dphi_out: Array,
+) -> None:
+    """Eqs. (8)-(9): Exp(step) R for all but the first, Exp(dphi_0) R_ref for the first; the rest is added.
+
+    ``delta`` (n,) in the package's order: by kind, the motion first, and landmarks last.
+    """
+    n, turn = len(p_W), np.empty((3, 3))
+    landmarks = len(delta) - 3 * len(X_W)
+    for a in range(3):
+        dphi_out[a] = dphi_0[a] + delta[3 * n + a]
+    for i in range(n):
         if i == 0:
-            exp(dphi_0, turn)
+            exp(dphi_out, turn)
             base = R_ref
         else:
-            exp(step[i], turn)
+            exp(delta[3 * (n + i) : 3 * (n + i) + 3], turn)
             base = R_WB[i]
         for a in range(3):
+            p_out[i, a] = p_W[i, a] + delta[3 * i + a]
+            v_out[i, a] = v_W[i, a] + delta[3 * (2 * n + i) + a]
             for b in range(3):
-                out[i, a, b] = turn[a, 0] * base[0, b] + turn[a, 1] * base[1, b] + turn[a, 2] * base[2, b]
+                R_out[i, a, b] = turn[a, 0] * base[0, b] + turn[a, 1] * base[1, b] + turn[a, 2] * base[2, b]
+    for j in range(len(X_W)):
+        for a in range(3):
+            X_out[j, a] = X_W[j, a] + delta[landmarks + 3 * j + a]
 
 
 @part

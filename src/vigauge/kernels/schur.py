@@ -198,11 +198,19 @@ def _scatter(
 
 @kernel
 def eliminate(
-    W: Couplings,
+    information: Array,
+    p_W: Array,
+    X_W: Array,
     landmark: Array,
     damping: Array,
     landmark_gradient: Array,
-    batches: Batches,
+    order: Index,
+    batch_begin: Index,
+    batch_cell: Index,
+    cell_keyframe: Index,
+    cell_row: Index,
+    cell_view: Index,
+    view_camera: Index,
     group_batch: Index,
     group_seen: Index,
     seen: Index,
@@ -223,8 +231,6 @@ def eliminate(
     :func:`_factorise`, and returns its number. Entry (r, c) of the stored lower triangle is
     ``storage[c * stride + r - base]``.
     """
-    information, p_W, X_W = W
-    order, batch_begin, batch_cell, cell_keyframe, cell_row, _, _ = batches
     lanes = factor.shape[1] // 6
     widest = 0
     for g in range(first_group, end_group):
@@ -275,10 +281,18 @@ def eliminate(
 
 @kernel
 def back_substitute(
-    W: Couplings,
+    information: Array,
+    p_W: Array,
+    X_W: Array,
     factor: Array,
     half_gradient: Array,
-    batches: Batches,
+    order: Index,
+    batch_begin: Index,
+    batch_cell: Index,
+    cell_keyframe: Index,
+    cell_row: Index,
+    cell_view: Index,
+    view_camera: Index,
     column: Index,
     motion: Array,
     out: Array,
@@ -287,8 +301,6 @@ def back_substitute(
 
     W^T (x_p, x_r) = -M (x_p - ray x x_r), and ray = X - p: what the keyframe gives is added up once.
     """
-    information, p_W, X_W = W
-    order, batch_begin, batch_cell, cell_keyframe, _, _, _ = batches
     lanes = factor.shape[1] // 6
     frame = np.empty((len(p_W), 6))
     for k in range(len(p_W)):

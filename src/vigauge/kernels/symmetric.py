@@ -43,9 +43,14 @@ def subtract_outer(G: Array, A: Array, W: Array) -> None:
 
 
 @part
-def hold(storage: Array, held: Index, stride: int, half_bandwidth: int, size: int) -> None:
-    """Rows and columns of the identity in a stored lower triangle: (r, c) is ``storage[c * stride + r]``."""
-    for at in held:
+def hold(storage: Array, held: Index, stored: Index, stride: int, half_bandwidth: int) -> None:
+    """Rows and columns of the identity in a stored lower triangle: (r, c) is ``storage[c * stride + r]``.
+
+    ``held`` in the order of ``stored``.
+    """
+    size = len(stored)
+    for column in held:
+        at = stored[column]
         for r in range(at + 1, min(at + half_bandwidth, size - 1) + 1):
             storage[at * stride + r] = 0.0
         for c in range(max(at - half_bandwidth, 0), at):
@@ -85,10 +90,3 @@ def add_squares(diagonal: Array, at: Index, jacobian: Array) -> None:
     for i in range(len(at)):
         for m in range(len(jacobian)):
             diagonal[at[i]] += jacobian[m, i] * jacobian[m, i]
-
-
-@part
-def add_diagonal(storage: Array, stored: Index, stride: int, values: Array) -> None:
-    """Add ``values`` (9N or more) to a stored lower triangle's diagonal, in the order of ``stored``."""
-    for i in range(len(stored)):
-        storage[stored[i] * (stride + 1)] += values[i]

@@ -18,8 +18,8 @@ import numpy as np
 from ..geometry.so3 import Array
 from .compiled import kernel, part
 from .lanes import LANES as L
-from .lanes import Batches, Index, gather_points
-from .loss import Loss, rho, root_weight
+from .lanes import Index, gather_points
+from .loss import rho, root_weight
 
 # Entries of a keyframe's accumulator: M (6), hat(ray) M (9), rotation block (6), both gradients (6).
 POSE_ENTRIES = 27
@@ -103,19 +103,28 @@ def residuals(
 @kernel
 def cost(
     p_W: Array,
+    R_WB: Array,
     X_W: Array,
-    R_CW: Array,
+    R_BC: Array,
     p_CB: Array,
     intrinsics: Array,
-    batches: Batches,
+    order: Index,
+    batch_begin: Index,
+    batch_cell: Index,
+    cell_keyframe: Index,
+    cell_row: Index,
+    cell_view: Index,
+    view_camera: Index,
     pixels: Array,
-    loss: Loss,
+    huber: float | None,
+    cauchy: float | None,
+    R_CW: Array,
 ) -> tuple[float, float]:
     """Sum of squares of :func:`residuals`, each through the loss, and of their lengths.
 
-    ``pixels`` (V, 3 L) as of the problem.
+    ``pixels`` (V, 3 L) as of the problem; ``R_CW`` is filled by :func:`camera_rotations`.
     """
-    order, batch_begin, batch_cell, cell_keyframe, _, cell_view, view_camera = batches
+    camera_rotations(R_WB, R_BC, R_CW)
     lanes = pixels.shape[1] // 3
     s = np.empty(3 * L)
     squares, lengths = 0.0, 0.0
@@ -135,7 +144,7 @@ def cost(
                     r_u = (fx * u + cx - pixels[view, i]) * w
                     r_v = (fy * v + cy - pixels[view, L + i]) * w
                     square = r_u * r_u + r_v * r_v
-                    squares += rho(square, loss.huber, loss.cauchy)
+                    squares += rho(square, huber, cauchy)
                     lengths += math.sqrt(square)
     return squares, lengths
 
@@ -153,7 +162,8 @@ def _add_view(
     p_CB: Array,
     intrinsics: Array,
     pixels: Array,
-    loss: Loss,
+    huber: float | None,
+    cauchy: float | None,
     s: Array,
 ) -> None:
     """Add M and J_l^T r of a view's observations to the cell's rows of ``s``.
@@ -170,7 +180,7 @@ def _add_view(
         u, v, inverse_depth = _seen(x, y, z, w, R, t)
         r_u = (fx * u + cx - pixels[view, i]) * w
         r_v = (fy * v + cy - pixels[view, L + i]) * w
-        root = root_weight(r_u * r_u + r_v * r_v, loss.huber, loss.cauchy)
+        root = root_weight(r_u * r_u + r_v * r_v, huber, cauchy)
         r_u, r_v, w = r_u * root, r_v * root, w * root
         p, q = fx * w * inverse_depth, fy * w * inverse_depth
         a0, a1, a2 = (R[0] - u * R[6]) * p, (R[1] - u * R[7]) * p, (R[2] - u * R[8]) * p
@@ -266,9 +276,16 @@ def accumulate(
     R_CW: Array,
     p_CB: Array,
     intrinsics: Array,
-    batches: Batches,
+    order: Index,
+    batch_begin: Index,
+    batch_cell: Index,
+    cell_keyframe: Index,
+    cell_row: Index,
+    cell_view: Index,
+    view_camera: Index,
     pixels: Array,
-    loss: Loss,
+    huber: float | None,
+    cauchy: float | None,
     first_batch: int,
     end_batch: int,
     information: Array,
@@ -281,7 +298,6 @@ def accumulate(
     ``pose`` (N, 27) takes each keyframe's sums. Rows of the scratch: X (3), ray (3), M and
     J_l^T r of the cell (9), and their sums over the batch (9).
     """
-    order, batch_begin, batch_cell, cell_keyframe, _, cell_view, view_camera = batches
     lanes = pixels.shape[1] // 3
     s = np.empty(_ROWS * L)
     for b in range(first_batch, end_batch):
@@ -299,7 +315,7 @@ def accumulate(
             for i in range(9 * lanes):
                 s[_CELL + i] = 0.0
             for view in range(cell_view[cell], cell_view[cell + 1]):
-                _add_view(view, k, view_camera[view], R_CW, p_CB, intrinsics, pixels, loss, s)
+                _add_view(view, k, view_camera[view], R_CW, p_CB, intrinsics, pixels, huber, cauchy, s)
             for i in range(9 * lanes):
                 s[_BATCH + i] += s[_CELL + i]
             for i in range(6 * lanes):

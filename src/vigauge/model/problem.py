@@ -370,7 +370,7 @@ class Problem:
         if f.by_gyro_bias is None or f.by_accel_bias is None or f.gyro_bias is None or f.accel_bias is None:
             return out
         by_bias = np.concatenate([f.by_gyro_bias, f.by_accel_bias], axis=2)
-        return BiasedIncrements(out, by_bias, np.concatenate([f.gyro_bias, f.accel_bias], axis=1))
+        return BiasedIncrements(*out, by_bias, np.concatenate([f.gyro_bias, f.accel_bias], axis=1))
 
     @property
     def obs_weight(self) -> Array:

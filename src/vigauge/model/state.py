@@ -214,22 +214,32 @@ class State:
 
     def stepped(self, delta: Array) -> State:
         """As :meth:`retract`, for an increment that is known to be one: a solver's own step."""
-        n = self.n_keyframes
-        n_motion = self.n_motion
-        step = delta[:n_motion].reshape(-1, n, 3)
-        dphi_0 = self.dphi_0 + step[1, 0]
-        R_WB = np.empty_like(self.R_WB)
-        rotation.retract_rotations(self.R_WB, step[1], dphi_0, self.R_WB0_ref, R_WB)
-        return State(
-            p_W=self.p_W + step[0],
-            R_WB=R_WB,
-            v_W=self.v_W + step[2],
-            X_W=self.X_W + delta[n_motion:].reshape(-1, 3),
-            dphi_0=dphi_0,
-            R_WB0_ref=self.R_WB0_ref,
-            gyro_bias=None if self.gyro_bias is None else self.gyro_bias + step[3],
-            accel_bias=None if self.accel_bias is None else self.accel_bias + step[4],
+        p_W, R_WB, v_W = np.empty_like(self.p_W), np.empty_like(self.R_WB), np.empty_like(self.v_W)
+        X_W, dphi_0 = np.empty_like(self.X_W), np.empty(3)
+        rotation.retract(
+            delta,
+            self.p_W,
+            self.R_WB,
+            self.v_W,
+            self.X_W,
+            self.dphi_0,
+            self.R_WB0_ref,
+            p_W,
+            R_WB,
+            v_W,
+            X_W,
+            dphi_0,
         )
+        biases = {}
+        if self.has_biases:
+            steps = delta[: self.n_motion].reshape(-1, self.n_keyframes, 3)[3:]
+            biases = {name: getattr(self, name) + step for name, step in zip(BIASES, steps, strict=True)}
+        # Made of arrays that have their form, so nothing is looked at: that would cost more than the step.
+        out = object.__new__(State)
+        vars(out).update(
+            p_W=p_W, R_WB=R_WB, v_W=v_W, X_W=X_W, dphi_0=dphi_0, R_WB0_ref=self.R_WB0_ref, **biases
+        )
+        return out
 
     def local(self, other: State) -> Array:
         """The increment d (n,) after which ``self.retract(d)`` has the poses of ``other``.

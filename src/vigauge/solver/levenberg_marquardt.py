@@ -20,7 +20,7 @@ from ..arrays import integer, number
 from ..errors import DataError, SolverError
 from ..gauge.gauges import Gauge
 from ..geometry.so3 import Array
-from ..kernels.damping import clamped, predicted_decrease, squares
+from ..kernels.damping import clamped, largest, predicted_decrease, squares
 from ..model.factors import LinearFactor
 from ..model.problem import Problem
 from ..model.state import State
@@ -325,7 +325,7 @@ class _Run:
     def _must_stop(self) -> Status | None:
         if len(self.trace) > self.options.maximum_iterations:
             return Status.ITERATION_LIMIT
-        if self.trace[-1].accepted and np.abs(self.gradient).max() <= self.options.gradient_tolerance:
+        if self.trace[-1].accepted and largest(self.gradient) <= self.options.gradient_tolerance:
             return Status.GRADIENT_TOLERANCE
         if self.region.radius <= self.options.minimum_radius:
             return Status.RADIUS_COLLAPSED

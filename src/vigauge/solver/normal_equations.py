@@ -16,19 +16,21 @@ from ..errors import DegenerateError, SolverError
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..kernels import first_rotation as first_rotation_kernels
-from ..kernels import schur, symmetric, visual
+from ..kernels import reduced, schur, symmetric, visual
 from ..kernels.lanes import LANES
 from ..kernels.schur import Couplings
 from ..model import first_rotation
 from ..model.factors import LinearFactor
 from ..model.problem import Problem
 from ..model.state import State
-from ..sparsity.layout import Index, Layout, by_keyframe
+from ..sparsity.layout import NOT_POSITIVE_DEFINITE, Index, Layout, by_keyframe
 from ..sparsity.rounding import rounding
 from ..sparsity.structure import Structure
 from .factors import add_factor, linear_factors
 from .residuals import camera_rotations, inertial_inputs, inertial_kernels
 from .workers import ALONE, Workers
+
+_NONE: Array = np.empty(0)
 
 
 def coupling_blocks(structure: Structure, W: Couplings) -> Array:
@@ -84,14 +86,15 @@ class NormalEquations:
     def diagonal_and_gradient(self) -> tuple[Array, Array]:
         """(9N + 3K,) diagonal of H, and g = J^T r."""
         layout = self.structure.layout
-        diagonal, gradient = np.empty((2, layout.size + 3 * len(self.landmark)))
+        n = layout.size + 3 * len(self.landmark)
+        diagonal, gradient = np.empty(n), np.empty(n)
         first_rotation_kernels.total_equations(
             self.storage,
             self.motion_gradient,
             self.landmark,
             self.landmark_gradient,
             layout.stored,
-            int(first_rotation.columns(self.structure.n_keyframes)[0]),
+            3 * self.structure.n_keyframes,
             layout.first_rotation,
             layout.stride,
             self.chain,
@@ -103,10 +106,10 @@ class NormalEquations:
             symmetric.add_squares(diagonal, factor.columns, factor.jacobian)
         return diagonal, gradient
 
-    def _to_total(self, storage: Array, gradient: Array) -> None:
-        """Take a stored system and its gradient to total increments, add the ``total`` factors; in place."""
+    def _to_total(self, storage: Array, gradient: Array, damping: Array = _NONE) -> None:
+        """Take a stored system and its gradient to total increments, add factors and damping; in place."""
         layout = self.structure.layout
-        _chart_to_total(layout, self.chain, storage, gradient)
+        _chart_to_total(layout, self.chain, storage, gradient, damping)
         for factor in self.total:
             add_factor(factor, layout, storage, gradient)
 
@@ -155,11 +158,11 @@ class NormalEquations:
 
         def take_out(piece: tuple[int, int], base: int, into: Array, gradient: Array) -> float:
             return schur.eliminate(
-                self.couplings,
+                *self.couplings,
                 self.landmark,
                 landmark_damping,
                 self.landmark_gradient,
-                s.batches,
+                *s.batches,
                 s.group_batch,
                 s.group_seen,
                 s.seen,
@@ -196,9 +199,7 @@ class NormalEquations:
             )
         if not regular > 0.0:
             raise SolverError("a landmark's block of H is not positive definite")
-        self._to_total(storage, gradient)
-        if damping is not None:
-            symmetric.add_diagonal(storage, layout.stored, layout.stride, damping)
+        self._to_total(storage, gradient, _NONE if damping is None else damping)
         return ReducedSystem(s, storage, gradient, self.couplings, factor, half_gradient, self.chain)
 
     def dense(self) -> Array:
@@ -253,22 +254,24 @@ class ReducedSystem:
         Raises SolverError where the reduced system is not positive definite.
         """
         s, layout = self.structure, self.structure.layout
-        storage, right = self.storage if overwrite else self.storage.copy(), -self.motion_gradient
-        if len(held):
-            layout.hold(storage, held)
-            right[layout.stored[held]] = 0.0
-        motion = layout.factorise(storage).solve(right)
         step = np.empty(layout.size + 3 * s.n_landmarks)
-        first_rotation_kernels.to_left(motion, layout.stored, layout.first_rotation, self.chain, step)
-        schur.back_substitute(
-            self.couplings,
+        if not reduced.solve(
+            self.storage if overwrite else self.storage.copy(),
+            self.motion_gradient,
+            held,
+            layout.stored,
+            layout.column,
+            layout.stride,
+            layout.half_bandwidth,
+            layout.first_rotation,
+            self.chain,
             self.factor,
             self.half_gradient,
-            s.batches,
-            layout.column,
-            motion,
-            step[layout.size :].reshape(-1, 3),
-        )
+            *self.couplings,
+            *s.batches,
+            step,
+        ):
+            raise SolverError(NOT_POSITIVE_DEFINITE)
         return step
 
     def couple(self, landmark: Array) -> tuple[Array, Array]:
@@ -298,7 +301,9 @@ class ReducedSystem:
         return step.reshape(landmark.shape)
 
 
-def _chart_to_total(layout: Layout, chain: Array, storage: Array, gradient: Array) -> None:
+def _chart_to_total(
+    layout: Layout, chain: Array, storage: Array, gradient: Array, damping: Array = _NONE
+) -> None:
     """Take a stored system and its gradient from left to total increments of the first rotation, in place."""
     first_rotation_kernels.system_to_total(
         storage,
@@ -308,6 +313,8 @@ def _chart_to_total(layout: Layout, chain: Array, storage: Array, gradient: Arra
         layout.stride,
         layout.half_bandwidth,
         chain,
+        layout.stored,
+        damping,
     )
 
 
@@ -354,9 +361,9 @@ def linearise(
             rotations,
             cameras["p_CB"],
             cameras["intrinsics"],
-            s.batches,
+            *s.batches,
             problem.pixels,
-            problem.compiled_loss,
+            *problem.compiled_loss,
             int(s.group_batch[piece[0]]),
             int(s.group_batch[piece[1]]),
             information,

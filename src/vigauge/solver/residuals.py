@@ -14,8 +14,6 @@ import numpy as np
 from ..geometry.so3 import Array
 from ..kernels import inertial, inertial_biases
 from ..kernels import visual as visual_kernels
-from ..kernels.inertial import Increments, Motion
-from ..kernels.inertial_biases import BiasedIncrements, BiasedMotion
 from ..model.problem import Problem
 from ..model.state import State
 
@@ -33,14 +31,12 @@ def inertial_kernels(problem: Problem) -> ModuleType:
     return inertial_biases if problem.estimates_biases else inertial
 
 
-def inertial_inputs(
-    problem: Problem, state: State
-) -> tuple[Increments | BiasedIncrements, Motion | BiasedMotion]:
+def inertial_inputs(problem: Problem, state: State) -> tuple[Array | float, ...]:
     """What :func:`inertial_kernels` read, of a state that has the problem's size."""
-    motion = Motion(state.p_W, state.R_WB, state.v_W)
+    motion = *problem.increments, state.p_W, state.R_WB, state.v_W
     if state.gyro_bias is None or state.accel_bias is None:
-        return problem.increments, motion
-    return problem.increments, BiasedMotion(motion, state.gyro_bias, state.accel_bias)
+        return motion
+    return *motion, state.gyro_bias, state.accel_bias
 
 
 @dataclass(frozen=True)
@@ -58,17 +54,20 @@ class Evaluation:
 
 def evaluate(problem: Problem, state: State) -> Evaluation:
     """The cost of Eq. (1), no residual kept. It is not finite where a landmark has depth zero."""
+    problem.initial.require_size(state)
     cameras = problem.camera_arrays
-    R_CW = camera_rotations(problem, state)
+    R_CW = np.empty((len(problem.cameras), state.n_keyframes, 3, 3))
     squares, lengths = visual_kernels.cost(
         state.p_W,
+        state.R_WB,
         state.X_W,
-        R_CW,
+        cameras["R_BC"],
         cameras["p_CB"],
         cameras["intrinsics"],
-        problem.structure.batches,
+        *problem.structure.batches,
         problem.pixels,
-        problem.compiled_loss,
+        *problem.compiled_loss,
+        R_CW,
     )
     squares += inertial_kernels(problem).cost(*inertial_inputs(problem, state))
     for factor in problem.factors:

@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 
 from ..errors import SolverError
 from ..geometry.so3 import Array
-from ..kernels import covisibility, symmetric
+from ..kernels import cholesky, covisibility, symmetric
 from ..kernels.sizes import KEYFRAME
 
 Index = NDArray[np.int64]
+
+NOT_POSITIVE_DEFINITE = "the reduced camera system is not positive definite"
 
 # Below this many parameters a dense factorisation is never slower (measured).
 SMALLEST_BAND = 180
@@ -165,7 +167,7 @@ class Layout:
 
     def hold(self, storage: Array, columns: Index) -> None:
         """Replace rows and columns by those of the identity, in place: what they stand for does not move."""
-        symmetric.hold(storage, self.stored[columns], self.stride, self.half_bandwidth, self.size)
+        symmetric.hold(storage, columns, self.stored, self.stride, self.half_bandwidth)
 
     def dense(self, storage: Array) -> Array:
         """(9N, 9N) symmetric matrix in the package's order."""
@@ -185,14 +187,9 @@ class Layout:
 
         Raises SolverError where the matrix is not positive definite.
         """
-        n = self.size
-        if self.banded:
-            factor, info = lapack.dpbtrf(storage.reshape(n, -1).T, lower=1, overwrite_ab=1)
-        else:
-            factor, info = lapack.dpotrf(storage.reshape(n, n).T, lower=1, clean=0, overwrite_a=1)
-        if info != 0:
-            raise SolverError("the reduced camera system is not positive definite")
-        return Factorised(self, factor)
+        if not cholesky.factorise(storage, self.size, self.stride, self.half_bandwidth):
+            raise SolverError(NOT_POSITIVE_DEFINITE)
+        return Factorised(self, storage.reshape(self.size, -1).T)
 
 
 @dataclass(frozen=True)

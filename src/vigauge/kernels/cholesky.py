@@ -1,0 +1,57 @@
+"""Cholesky factor of a stored lower triangle, by LAPACK, and the solution of one right-hand side.
+
+Entry (r, c) is ``storage[c * stride + r]``, with r - c up to ``half_bandwidth``: LAPACK's full form where
+``stride`` is the size, its band form where ``stride`` is ``half_bandwidth``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import llvmlite.binding
+import numpy as np
+from numba import types
+from numba.extending import get_cython_function_address
+
+from ..geometry.so3 import Array
+from .blas import CHAR, DOUBLE, INT
+from .compiled import kernel, part
+
+for _name in ("dpotrf", "dpbtrf"):
+    _address = get_cython_function_address("scipy.linalg.cython_lapack", _name)
+    llvmlite.binding.add_symbol(f"vigauge_{_name}", _address)
+_dpotrf: Any = types.ExternalFunction("vigauge_dpotrf", types.void(CHAR, INT, DOUBLE, INT, INT))
+_dpbtrf: Any = types.ExternalFunction("vigauge_dpbtrf", types.void(CHAR, INT, INT, DOUBLE, INT, INT))
+
+_LOWER = np.frombuffer(b"L", dtype=np.uint8)
+
+
+@kernel
+def factorise(storage: Array, size: int, stride: int, half_bandwidth: int) -> bool:
+    """Overwrite the triangle by its factor; whether it is positive definite."""
+    n = np.empty(4, dtype=np.int32)
+    n[0], n[1], n[3] = size, half_bandwidth, 0
+    if stride == half_bandwidth:
+        n[2] = stride + 1
+        _dpbtrf(_LOWER.ctypes, n.ctypes, n[1:].ctypes, storage.ctypes, n[2:].ctypes, n[3:].ctypes)
+    else:
+        n[2] = stride
+        _dpotrf(_LOWER.ctypes, n.ctypes, storage.ctypes, n[2:].ctypes, n[3:].ctypes)
+    return n[3] == 0
+
+
+@part
+def solve(factor: Array, stride: int, half_bandwidth: int, x: Array) -> None:
+    """Replace a right-hand side by the solution."""
+    n = len(x)
+    for c in range(n):
+        start = c * stride
+        value = x[c] / factor[start + c]
+        x[c] = value
+        for r in range(c + 1, min(c + half_bandwidth + 1, n)):
+            x[r] -= factor[start + r] * value
+    for c in range(n - 1, -1, -1):
+        start, total = c * stride, x[c]
+        for r in range(c + 1, min(c + half_bandwidth + 1, n)):
+            total -= factor[start + r] * x[r]
+        x[c] = total / factor[start + c]

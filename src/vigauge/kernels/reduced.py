@@ -1,0 +1,72 @@
+"""The solution of a reduced camera system, back to the landmarks, in one call."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.so3 import Array
+from . import cholesky, first_rotation, schur, symmetric
+from .compiled import kernel
+from .lanes import Index
+
+
+@kernel
+def solve(
+    storage: Array,
+    motion_gradient: Array,
+    held: Index,
+    stored: Index,
+    column: Index,
+    stride: int,
+    half_bandwidth: int,
+    at: int,
+    chain: Array,
+    factor: Array,
+    half_gradient: Array,
+    information: Array,
+    p_W: Array,
+    X_W: Array,
+    order: Index,
+    batch_begin: Index,
+    batch_cell: Index,
+    cell_keyframe: Index,
+    cell_row: Index,
+    cell_view: Index,
+    view_camera: Index,
+    step: Array,
+) -> bool:
+    """The step (9N + 3K,) in the package's order; ``storage`` is overwritten by its factor.
+
+    False where the system is not positive definite. The ``held`` columns of the package's order do not
+    move. The first rotation is stored from ``at`` on, see :mod:`.first_rotation`; the rest as in
+    :func:`.schur.back_substitute`.
+    """
+    size = len(stored)
+    symmetric.hold(storage, held, stored, stride, half_bandwidth)
+    if not cholesky.factorise(storage, size, stride, half_bandwidth):
+        return False
+    motion = np.empty(size)
+    for i in range(size):
+        motion[i] = -motion_gradient[i]
+    for i in held:
+        motion[stored[i]] = 0.0
+    cholesky.solve(storage, stride, half_bandwidth, motion)
+    first_rotation.to_left(motion, stored, at, chain, step)
+    schur.back_substitute(
+        information,
+        p_W,
+        X_W,
+        factor,
+        half_gradient,
+        order,
+        batch_begin,
+        batch_cell,
+        cell_keyframe,
+        cell_row,
+        cell_view,
+        view_camera,
+        column,
+        motion,
+        step[size:].reshape(-1, 3),
+    )
+    return True
