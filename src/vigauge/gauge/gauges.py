@@ -27,6 +27,7 @@ from .group import Group, YawTranslation, dimension, local_tangent
 Index = NDArray[np.int64]
 
 _NOTHING: Index = np.empty(0, dtype=np.int64)
+_NOTHING.setflags(write=False)
 
 
 class Gauge(Protocol):

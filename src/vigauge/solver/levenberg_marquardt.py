@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,8 +79,7 @@ class Options:
 _CERES_DEFAULTS = Options()
 
 
-@dataclass(frozen=True)
-class Iteration:
+class Iteration(NamedTuple):
     """One row of the trace; entry 0 is the start.
 
     ``cost`` at the state that the iteration leaves; ``radius`` of the trust region
@@ -146,8 +146,7 @@ class _TrustRegion:
         self.decrease *= 2.0
 
 
-@dataclass(frozen=True)
-class _Evaluation:
+class _Evaluation(NamedTuple):
     """A state, the gauge's prior there, and the cost with and without it."""
 
     state: State
@@ -339,7 +338,7 @@ class _Run:
                 radius=self.region.radius,
                 accepted=accepted,
                 mean_reprojection_px=self.here.measurements.mean_reprojection_px,
-                prior_position_m=math.dist(state.p_W[0], start.p_W[0]),
+                prior_position_m=math.dist(state.p_W[0].tolist(), start.p_W[0].tolist()),
                 prior_yaw_rad=float(abs(state.dphi_0[2])),
                 seconds=self.clock() - self.begin,
             )

@@ -41,7 +41,7 @@ def coupling_blocks(structure: Structure, W: Couplings) -> Array:
     return np.concatenate([-M, -so3.hat(ray) @ M], axis=1)
 
 
-@dataclass(frozen=True)
+@dataclass
 class NormalEquations:
     """H and g of one linearisation point.
 
@@ -218,7 +218,7 @@ class NormalEquations:
         return H
 
 
-@dataclass(frozen=True)
+@dataclass
 class ReducedSystem:
     """Reduced camera system S dx = -b, and what back-substitution needs.
 

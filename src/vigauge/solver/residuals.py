@@ -6,8 +6,8 @@ Rotation derivatives are with respect to left increments in the world frame, Eq.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,8 +39,7 @@ def inertial_inputs(problem: Problem, state: State) -> tuple[Array | float, ...]
     return *motion, state.gyro_bias, state.accel_bias
 
 
-@dataclass(frozen=True)
-class Evaluation:
+class Evaluation(NamedTuple):
     """The ``cost`` of a state, 1/2 ||r||^2 (reprojection errors through their loss, if there is one), and the
     mean length of a reprojection error in pixels (Fig. 6).
 
