@@ -7,7 +7,7 @@ moment of the machine falls on all of them alike and times can be compared in pa
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from vigauge.gauge.gauges import Gauge
 from vigauge.model.evaluation import align_all_poses, trajectory_errors
@@ -101,7 +101,7 @@ def trace_rows(timed: TimedSolve, label: str = "gauge") -> list[Row]:
     """The trace of one solve, a row an iteration, without times."""
     rows = []
     for number, iteration in enumerate(timed.solution.trace):
-        values = asdict(iteration)
+        values = iteration._asdict()
         del values["seconds"]
         rows.append({**timed.trial.labels, label: timed.gauge, "iteration": number, **values})
     return rows
