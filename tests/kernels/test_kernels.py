@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import vigauge
 from support import ROOT
 from vigauge.geometry import so3
-from vigauge.kernels import blas, damping, rotation
+from vigauge.kernels import blas, cholesky, damping, rotation
 
 ANGLES = [0.0, 1e-300, 1e-12, 1e-8, 1e-4, 0.29999999, 0.3, 0.30000001, 1.0, 3.0, np.pi - 1e-9, np.pi, 6.0]
 vectors = st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array)
@@ -80,6 +80,23 @@ def test_a_state_is_retracted_as_by_the_definitions():
     expected = p_W + p, turned, v_W + v, X_W + delta[15 * n :].reshape(k, 3), dphi_0 + turn[0]
     for found, right in zip(out, expected, strict=True):
         assert np.abs(found - right).max() < 1e-14
+
+
+@pytest.mark.parametrize("n", [1, 3, 4, 9, 90])
+def test_a_factor_solves_and_inverts(n):
+    """Catches rows of the inverse that miss one of those before them where their number is no multiple of
+    four, and a solution that reads outside of the triangle."""
+    rng = np.random.default_rng(n)
+    J = rng.normal(size=(2 * n, n))
+    A, out = J.T @ J, np.empty((n, n))
+    storage, x = A.ravel().copy(), rng.normal(size=n)
+    right = x.copy()
+    assert cholesky.factorise(storage, n, n, n - 1)
+    cholesky.solve(storage, n, n - 1, x)
+    assert np.abs(A @ x - right).max() < 1e-11
+    cholesky.inverse(storage.reshape(n, n), out)
+    assert np.abs(np.tril(out - np.linalg.inv(A))).max() < 1e-11
+    assert not cholesky.factorise(-A.ravel(), n, n, n - 1)
 
 
 @pytest.mark.parametrize(

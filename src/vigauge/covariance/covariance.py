@@ -238,7 +238,7 @@ class _Projection:
     def of(cls, covariance: Covariance, gauge: Gauge, landmarks: bool) -> _Projection:
         state, U = covariance.state, covariance.U
         held, prior = gauge.held(state), gauge.prior(state, covariance.reference)
-        if np.array_equal(held, covariance._held):
+        if held is covariance._held or np.array_equal(held, covariance._held):
             return cls(None, None, None, held[:0])  # G's own rows are zero there
         if not U.shape[1]:
             return cls(None, None, None, held[:0])
@@ -276,8 +276,9 @@ class _Projection:
             symmetric.subtract_outer(G, self.A, self.W)
         if self.B is not None:
             return G + self.B @ self.B.T
-        held = self.held[self.held < len(G)]
-        G[held], G[:, held] = 0.0, 0.0
+        if len(self.held):
+            held = self.held[self.held < len(G)]
+            G[held], G[:, held] = 0.0, 0.0
         return G
 
     def apply_blocks(self, G: Array, rows: Index) -> Array:

@@ -13,11 +13,14 @@ import scipy.linalg.lapack as lapack
 
 from ..errors import DegenerateError, SolverError
 from ..geometry.so3 import Array
-from ..kernels import symmetric
+from ..kernels import cholesky, symmetric
 from ..observability.spectrum import require_regular
 from ..solver.normal_equations import ReducedSystem
 from ..sparsity.layout import Factorised, Index
 from .banded_inverse import banded_inverse, selected_inverse
+
+# From this size on LAPACK's blocks are faster than our rows (measured).
+_BLOCKS_PAY = 600
 
 
 @dataclass(frozen=True)
@@ -95,6 +98,9 @@ class HeldInverse:
         layout, factor = self.reduced.structure.layout, self.factorised.factor
         if layout.banded:
             lower = banded_inverse(factor)
+        elif len(factor) < _BLOCKS_PAY:
+            lower = np.empty((len(factor),) * 2)
+            cholesky.inverse(factor.T, lower)
         else:
             lower, _ = lapack.dpotri(factor, lower=1)
         self._require_regular(np.diagonal(lower))
@@ -106,8 +112,7 @@ class HeldInverse:
 
     def _require_regular(self, diagonal: Array) -> None:
         layout = self.reduced.structure.layout
-        at = layout.stored[self.held]
         information = layout.diagonal(self.reduced.storage).copy()
         # Not subtracted: held entries of the inverse are one, whatever the unit of the information.
-        information[at] = 0.0
+        information[layout.stored[self.held]] = 0.0
         require_regular(float(diagonal @ information), layout.size)
