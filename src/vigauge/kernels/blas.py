@@ -5,10 +5,15 @@ A call from Python costs as much as a product of a few dozen landmarks; from her
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+from importlib.machinery import PathFinder
+from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
 import numpy as np
+import scipy
 from numba import types
 from numba.extending import get_cython_function_address
 from numpy.typing import NDArray
@@ -20,10 +25,23 @@ INT = types.CPointer(types.int32)
 CHAR = types.CPointer(types.uint8)
 DOUBLE = types.CPointer(types.float64)
 
-# Compiled code on disk refers to the symbol, so every process gives it its address on import.
-llvmlite.binding.add_symbol("vigauge_dgemm", get_cython_function_address("scipy.linalg.cython_blas", "dgemm"))
+
+def name_symbol(module: str, function: str) -> str:
+    """The name by which kernels know a function of ``scipy.linalg.cython_blas`` or ``cython_lapack``.
+
+    Compiled code on disk refers to the name, so every process gives it its address on import. The extension
+    alone is loaded where it can be found: importing the whole of scipy.linalg takes longer than a solve.
+    """
+    full = f"scipy.linalg.{module}"
+    spec = PathFinder.find_spec(full, [str(Path(scipy.__file__).with_name("linalg"))])
+    if full not in sys.modules and spec is not None and spec.loader is not None:
+        spec.loader.exec_module(importlib.util.module_from_spec(spec))
+    llvmlite.binding.add_symbol(f"vigauge_{function}", get_cython_function_address(full, function))
+    return f"vigauge_{function}"
+
+
 _dgemm: Any = types.ExternalFunction(
-    "vigauge_dgemm",
+    name_symbol("cython_blas", "dgemm"),
     types.void(CHAR, CHAR, INT, INT, INT, DOUBLE, DOUBLE, INT, DOUBLE, INT, DOUBLE, DOUBLE, INT),
 )
 

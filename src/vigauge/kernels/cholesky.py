@@ -8,22 +8,22 @@ from __future__ import annotations
 
 from typing import Any
 
-import llvmlite.binding
 import numpy as np
 from numba import types
-from numba.extending import get_cython_function_address
 
 from ..geometry.so3 import Array
-from .blas import CHAR, DOUBLE, INT
+from .blas import CHAR, DOUBLE, INT, name_symbol
 from .compiled import kernel, part
 
-for _name in ("dpotrf", "dpbtrf", "dlauum"):
-    _address = get_cython_function_address("scipy.linalg.cython_lapack", _name)
-    llvmlite.binding.add_symbol(f"vigauge_{_name}", _address)
-_dpotrf: Any = types.ExternalFunction("vigauge_dpotrf", types.void(CHAR, INT, DOUBLE, INT, INT))
-_dpbtrf: Any = types.ExternalFunction("vigauge_dpbtrf", types.void(CHAR, INT, INT, DOUBLE, INT, INT))
-
-_dlauum: Any = types.ExternalFunction("vigauge_dlauum", types.void(CHAR, INT, DOUBLE, INT, INT))
+_dpotrf: Any = types.ExternalFunction(
+    name_symbol("cython_lapack", "dpotrf"), types.void(CHAR, INT, DOUBLE, INT, INT)
+)
+_dpbtrf: Any = types.ExternalFunction(
+    name_symbol("cython_lapack", "dpbtrf"), types.void(CHAR, INT, INT, DOUBLE, INT, INT)
+)
+_dlauum: Any = types.ExternalFunction(
+    name_symbol("cython_lapack", "dlauum"), types.void(CHAR, INT, DOUBLE, INT, INT)
+)
 
 _LOWER = np.frombuffer(b"L", dtype=np.uint8)
 _UPPER = np.frombuffer(b"U", dtype=np.uint8)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg.lapack as lapack
 from numpy.typing import NDArray
 
 from ..errors import SolverError
@@ -200,9 +199,8 @@ class Factorised:
     factor: Array
 
     def solve(self, right: Array) -> Array:
-        """Solution for right-hand sides (9N,) or (9N, c), stored order."""
-        if self.layout.banded:
-            solution, _ = lapack.dpbtrs(self.factor, right, lower=1)
-        else:
-            solution, _ = lapack.dpotrs(self.factor, right, lower=1)
-        return solution
+        """Solution for right-hand sides (9N, c), stored order."""
+        columns, factor, layout = right.T.copy(), self.factor.T.ravel(), self.layout
+        for column in columns:
+            cholesky.solve(factor, layout.stride, layout.half_bandwidth, column)
+        return columns.T
