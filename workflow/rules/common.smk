@@ -107,24 +107,16 @@ def results_of(*kinds):
     return lambda wildcards: reads(**{kind: [wildcards.experiment] for kind in kinds})
 
 
-def results_of_windows(wildcards):
-    """Results of the windows that neither check nor front-end refused."""
-    made = reads_of_windows()
-    return [*made["solutions"], *made["distances"]]
+def usable_windows(*kinds):
+    """Inputs of their table: results of the windows that neither check nor front-end refused, a checkpoint."""
 
+    def files(wildcards):
+        reports = {name: checkpoints.front_end.get(sequence=name).output.report for name in SEQUENCES.windows}
+        usable = [name for name in reports if "stopped_at" not in json.loads(Path(reports[name]).read_text())]
+        made = reads(problems=usable, solutions=usable, distances=usable)
+        return [file for kind in kinds for file in made[kind]]
 
-def stamps_of_windows(wildcards):
-    """Stamps of all that these windows were made from."""
-    return reads_of_windows()["stamps"]
-
-
-def reads_of_windows():
-    """What is there of them once every front-end has run: a checkpoint."""
-    reports = {name: checkpoints.front_end.get(sequence=name).output.report for name in SEQUENCES.windows}
-    usable = [
-        name for name, file in reports.items() if "stopped_at" not in json.loads(Path(file).read_text())
-    ]
-    return reads(problems=usable, solutions=usable, distances=usable)
+    return files
 
 
 def in_report(file, category, figure, shows, source="simulation", caption=None):

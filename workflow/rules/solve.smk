@@ -94,10 +94,7 @@ use rule time_simulation as time_sequences with:
     log:
         "logs/time_sequences.log",
     params:
-        code=code_of("time_solves"),
         problems=parameters.named("problems", PAPER_SEQUENCES),
-        prior=PRIOR_FLAGS,
-        solver=section("solver"),
         noise=json.dumps({name: SEQUENCES.entries[name]["noise"] for name in PAPER_SEQUENCES}, sort_keys=True),
         repeats=config["timing"]["repeats_sequence"],
     message:

@@ -5,8 +5,8 @@ rule windows:
     input:
         checks=expand(rules.check_sequence.output, sequence=SEQUENCES.windows),
         reports=expand(rules.front_end.output.report, sequence=SEQUENCES.windows),
-        solved=results_of_windows,
-        stamps=stamps_of_windows,
+        solved=usable_windows("solutions", "distances"),
+        stamps=usable_windows("stamps"),
     output:
         csv=f"{OUT}/windows.csv",
         md=f"{OUT}/windows.md",
