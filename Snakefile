@@ -2,10 +2,6 @@
 include: "workflow/Snakefile"
 
 
-localrules:
-    paper,
-
-
 rule paper:
     default_target: True
     input:

@@ -116,6 +116,7 @@ rule index:
         in_report("index.html", "Claims", "Claims", "page with the evidence", SEQUENCES.source_of_claims),
     log:
         "logs/paper/index.log",
+    localrule: True  # takes a moment, after everything else
     conda:
         "../envs/vigauge.yaml"
     params:
@@ -191,6 +192,7 @@ rule summary:
         f"{OUT}/summary.md",
     log:
         "logs/paper/summary.log",
+    localrule: True  # takes a moment, after everything else
     conda:
         "../envs/vigauge.yaml"
     params:
@@ -213,6 +215,7 @@ rule paper_page:
         touch("data/paper_page.done"),
     log:
         "logs/paper/paper_page.log",
+    localrule: True  # takes a moment, after everything else
     conda:
         "../envs/vigauge.yaml"
     params:

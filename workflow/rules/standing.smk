@@ -27,6 +27,7 @@ onstart:
         logger.warning(
             "stages may be timed beside others: no limit on `timed`, which profiles/default has"
         )
+    # Results of a rule with a parameter `source` show sequences.
     files = {
         file: "source" in job.params.keys()
         for job in workflow.dag.needrun_jobs()
