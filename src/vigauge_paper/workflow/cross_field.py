@@ -30,11 +30,8 @@ def check_between_keys(config: Config, schema: Path) -> None:
     sweep = config["prior"]["sweep_weights"]
     for weight in config["figures"]["path_weights"]:
         _require(weight in sweep, "figures.path_weights", "must be among prior.sweep_weights", weight)
-    trial, rule = (
-        config["figures"]["orbit_trial"],
-        f"must be below n_trials, {simulation['n_trials']}",
-    )
-    _require(trial < simulation["n_trials"], "figures.orbit_trial", rule, trial)
+    trial, trials = config["figures"]["orbit_trial"], simulation["n_trials"]
+    _require(trial < trials, "figures.orbit_trial", f"must be below n_trials, {trials}", trial)
     for count in config["reasons"]["iteration_time"]["n_keyframes"]:
         rule = f"must not be below simulation.minimum_views, {simulation['minimum_views']}"
         _require(count >= simulation["minimum_views"], "reasons.iteration_time.n_keyframes", rule, count)
@@ -50,10 +47,8 @@ def check_front_ends(entries: Mapping[str, Config]) -> None:
 
 def _check_swept(config: Config, key: str, values: list[str], schema: Path) -> None:
     """Every value of the sweep must be one that the configuration could have."""
-    field, numbers = (
-        f"sensitivity.values.{key}",
-        {**config["simulation"], **asdict(Options()), **config["solver"]},
-    )
+    field = f"sensitivity.values.{key}"
+    numbers = {**config["simulation"], **asdict(Options()), **config["solver"]}
     known = [name for name, number in numbers.items() if type(number) in (int, float)]
     _require(key in known, field, f"must be one of {', '.join(known)}", key)
     for value in values:
