@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from recovery.kill import make_project
+from recovery.kill import TIMEOUT_S, make_project
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -25,7 +25,7 @@ def snakemake(
     if smoke:
         command += ["--configfile", "config/smoke.yaml"]
     return subprocess.run(
-        command, cwd=folder, env=env | environment, capture_output=True, text=True, timeout=900
+        command, cwd=folder, env=env | environment, capture_output=True, text=True, timeout=TIMEOUT_S
     )
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from recovery.compare import differences
-from recovery.kill import disturbed_run
+from recovery.kill import TIMEOUT_S, disturbed_run
 from vigauge.files import write_json
 
 from .conftest import make_project, snakemake
@@ -29,7 +29,7 @@ def resume(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """What `make paper` runs."""
     env = {key: value for key, value in os.environ.items() if key not in ("EUROC_ROOT", "PYTHONPATH")}
     command = [sys.executable, "-m", "vigauge_paper.commands.resume", "--cores", "2", *arguments]
-    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=900)
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 @pytest.mark.slow
