@@ -110,7 +110,7 @@ class Evidence:
         return bootstrap([differences], mean, self.criteria)
 
     def time_ratio(
-        self, names: Iterable[str], gauge: str, reference: str = "fix", *, each: bool = False
+        self, names: Iterable[str], gauge: str, reference: str = FIX, *, each: bool = False
     ) -> Interval:
         """Interval of the median paired ratio of times, of an iteration where ``each``.
 
@@ -120,10 +120,8 @@ class Evidence:
         groups = []
         for name in names:
             good = self.converged[name]
-            again = good[good["gauge"] == FIX].assign(gauge=FIX_AGAIN)
-            timing = self._of_reading(read_timing(self.timings[name], name))
-            timing = timing_of(timing, pd.concat([good, again]))
-            timing = timing[timing["gauge"].isin((gauge, reference))]
+            timing = timing_of(self._of_reading(read_timing(self.timings[name], name)), good)
+            timing = timing[timing["gauge"].isin((gauge, reference, *[FIX_AGAIN] * (reference == FIX)))]
             table = paired_ratios(timing, "gauge", reference, each=each)
             if gauge not in table or not len(table):
                 raise NoEvidenceError(f"no trial of {name} converged under both {gauge} and {reference}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from argparse import Namespace
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 
 import pandas as pd
@@ -17,7 +18,10 @@ from vigauge_paper.prior import RESIDUAL
 
 
 def test_experiments_take_turns_and_the_speed_of_the_machine_is_recorded(tmp_path: Path) -> None:
-    """One experiment timed after the other, so that a drift of the machine passes for their difference."""
+    """One experiment timed after the other, so that a drift of the machine passes for their difference.
+
+    Fixation timed right after itself, so that the caches that it finds warm pass for a quicker gauge.
+    """
     for name, count in (("one", 2), ("two", 1)):
         save_problems(tmp_path / f"{name}.npz", [simulated.trial(number) for number in range(count)])
     work(
@@ -41,6 +45,8 @@ def test_experiments_take_turns_and_the_speed_of_the_machine_is_recorded(tmp_pat
     ]
     assert (table.groupby(["repeat", "experiment", "trial"])["gauge"].nunique() == 5).all()
     assert (table["seconds"] > 0).all()
+    for _, turn in table.groupby(["repeat", "experiment", "trial"]):
+        assert not {("fix", "fix_again"), ("fix_again", "fix")} & set(pairwise(turn["gauge"]))
     speed = json.loads((tmp_path / "machine.json").read_text("utf-8"))["speed"]
     assert len(speed["reference_s"]) == 2 + 1  # before every repeat and at the end
     assert speed["drift"] == max(speed["reference_s"]) / min(speed["reference_s"]) - 1.0
