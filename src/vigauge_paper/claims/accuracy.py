@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from ..experiments.evidence import Evidence
 from ..experiments.tolerance import at_the_minimum, largest_difference
 from ..experiments.tolerance import sentence as stopping
 from ..ids import ERRORS, FIX, FREE, PRIOR
-from .claim import Claim, Finding, verdict
+from .claim import Claim, Finding, same, together, verdict
 
 # Half a unit of the eighth decimal, in m, deg and m/s.
 HALF_A_DIGIT = 0.5e-8
 
 
-def _worst_difference(e: Evidence, names: Iterable[str], gauge: str) -> float:
-    """Largest relative bound of the intervals of gauge minus fixation, over names and errors."""
-    worst = 0.0
-    for name in names:
-        for error in ERRORS:
-            bounds = e.difference([name], error, gauge)
-            worst = max(worst, abs(bounds.low), abs(bounds.high))
-    return worst
-
-
-def _same_accuracy(e: Evidence) -> Finding:
-    worst = _worst_difference(e, e.configurations, FREE)
+def _same_errors(e: Evidence, gauge: str) -> Finding:
+    """Whether the errors of a gauge are fixation's, up to the margin, in every configuration."""
+    found = [e.difference([name], error, gauge) for name in e.configurations for error in ERRORS]
+    worst = max(max(abs(interval.low), abs(interval.high)) for interval in found)
     text = f"intervals within {100 * worst:.2g} % of the RMSE"
-    return text, verdict(worst < e.criteria.accuracy_margin)
+    return text, together(same(interval, e.criteria.accuracy_margin) for interval in found)
 
 
 def _neither_better(e: Evidence) -> Finding:
@@ -54,12 +44,6 @@ def _prior_is_fixation(e: Evidence) -> Finding:
     return text, verdict(share < 1.0)
 
 
-def _prior_is_fixation_within_margin(e: Evidence) -> Finding:
-    worst = _worst_difference(e, e.configurations, PRIOR)
-    text = f"intervals within {100 * worst:.2g} % of the RMSE"
-    return text, verdict(worst < e.criteria.accuracy_margin)
-
-
 ACCURACY = (
     Claim(
         "same-accuracy",
@@ -68,7 +52,7 @@ ACCURACY = (
         "Fixation and free gauge have almost the same accuracy",
         "differences up to 1.2 %",
         "equivalence: paired intervals of free minus fix inside {accuracy_margin}, in all cases and errors",
-        _same_accuracy,
+        lambda e: _same_errors(e, FREE),
         stopping,
     ),
     Claim(
@@ -98,7 +82,7 @@ ACCURACY = (
         "Prior at 1e5 has the accuracy of fixation",
         "identical",
         "equivalence: paired intervals of prior minus fix inside {accuracy_margin}",
-        _prior_is_fixation_within_margin,
+        lambda e: _same_errors(e, PRIOR),
         "Both runs end at the same minimum.",
     ),
 )

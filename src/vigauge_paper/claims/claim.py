@@ -60,10 +60,11 @@ def resolve(interval: Interval, published: float, none: float = 0.0) -> Verdict:
 
 
 def same(interval: Interval, margin: float, centre: float = 0.0) -> Verdict:
-    """Whether an interval lies within a margin about ``centre``, reaches over its limit, or lies about it."""
+    """Whether an interval lies within a margin about ``centre``, outside of it, or reaches over its limit."""
     if interval.within(margin, centre):
         return Verdict.HOLDS
-    return Verdict.UNRESOLVED if abs(interval.estimate - centre) < margin else Verdict.DIFFERS
+    outside = interval.low >= centre + margin or interval.high <= centre - margin
+    return Verdict.DIFFERS if outside else Verdict.UNRESOLVED
 
 
 def together(verdicts: Iterable[Verdict]) -> Verdict:
