@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pandas as pd
 import pytest
+import yaml
 
+from support import ROOT
 from support.results import solutions
 from vigauge_paper.spread import spread_rows, spread_sentence
+from vigauge_paper.workflow.sequences import Sequences
 
 
 def form(scale: float, free: float = 1.0) -> pd.DataFrame:
@@ -39,3 +42,12 @@ def test_the_note_says_whether_gauges_differ_by_less_than_changes(free: float, w
     text = spread_sentence(pd.DataFrame(spread_rows("hall", [form(1.0, free), form(1.2), form(1.1)])))
     assert words in text
     assert "p 11 (10 to 12) mm" in text and "fix iterations 6 (6 to 6)" in text
+
+
+def test_changed_forms_share_the_check_of_their_sequence() -> None:
+    """Catches a recording that is checked anew for every form, and a form whose own part is not checked."""
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text("utf-8"))
+    sequences = Sequences.of(config, "somewhere")
+    assert sequences.check("MH_01_seed_1") == sequences.check("MH_01_easy") == "data/checks/MH_01_easy.json"
+    for other in ("V1_01_easy", "MH_01_frame_later", "MH_01_default"):  # recording, part, faults accepted
+        assert sequences.check(other) == f"data/checks/{other}.json"

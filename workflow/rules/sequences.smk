@@ -47,7 +47,7 @@ rule check_sequence:
 checkpoint front_end:
     input:
         parameters.of_sequence(SEQUENCES.files),
-        checked="data/checks/{sequence}.json",
+        checked=parameters.of_sequence(SEQUENCES.check),
         stamps=parameters.of_sequence(SEQUENCES.stamps),
     output:
         problems="data/sequences/{sequence}/problem.npz",

@@ -177,6 +177,15 @@ class Sequences:
         window = f"--window {start_s} {end_s} --origin-ns {origin_ns} --camera-time-offset-ns {offset_ns}"
         return f"{window} {self.sort_flag(name)} {accepts}"
 
+    def check(self, name: str) -> str:
+        """Report of the check of a sequence; where it would look at the same as for another, that one's."""
+
+        def looked_at(one: str) -> tuple[str, list[str], str]:
+            return self.folder(one), self.truth_names(one), self.check_flags(one)
+
+        first = next(one for one in self.entries if looked_at(one) == looked_at(name))
+        return f"data/checks/{first}.json"
+
     def sort_flag(self, name: str) -> str:
         """Allows rows out of order in a sequence's files, where the configuration does."""
         return "--sort" if self.entries[name].get("sort", False) else ""
