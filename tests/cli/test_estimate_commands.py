@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 from dataclasses import replace
@@ -236,3 +237,39 @@ def test_covariance_of_a_bundle_adjustment(tmp_path: Path) -> None:
         assert found.gauge == f"keyframe:1 {scale}"
     done = command("covariance", path, *flags, "--scale", "distance:1")
     assert done.returncode == 2 and "--scale: must be distance:I:J or depth:K" in done.stderr
+
+
+def asked(*arguments: object) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    estimate_file.add_arguments(parser)
+    return parser.parse_args(list(map(str, arguments)))
+
+
+def test_flags_say_what_functions_do(tmp_path: Path) -> None:
+    """Catches a flag that is heard by another file, twice, or not at all."""
+    bundle, graph = Adjustment().write(tmp_path / "bal.txt"), Space(noise=0.1).write(tmp_path / "graph.g2o")
+    for flags, expected in {
+        (bundle, "--sigma", 0.5): bal.information(bundle, sigma=0.5),
+        (bundle, "--known-intrinsics"): bal.information(bundle, intrinsics=False),
+        (bundle,): bal.information(bundle),
+        (graph, "--rotation", "angle"): g2o.information(graph, rotation="angle"),
+        (graph,): g2o.information(graph),
+    }.items():
+        found = estimate_file.read_named(asked(*flags))
+        assert isinstance(found, Information) and found.H.shape == expected.H.shape
+        assert abs(found.H - expected.H).max() == 0.0
+    for flags, words in {
+        (graph, "--sigma", 0.5): r"--sigma: is about .txt files",
+        (graph, "--known-intrinsics"): r"--known-intrinsics: is about .txt files",
+        (bundle, "--rotation", "angle"): r"--rotation: is about .g2o files",
+        (bundle, "--sigma", 0.0): r"sigma: must be positive",
+    }.items():
+        with pytest.raises(vg.DataError, match=words):
+            estimate_file.read_named(asked(*flags))
+    out = tmp_path / "poses.npz"
+    done = command("covariance", graph, "--rotation", "angle", "--gauge", "first", "--out", out)
+    given = g2o.covariance(graph, rotation="angle")
+    blocks = vg.as_convention(given.keyframes(vg.FixedGauge()), given.R, source="g2o", to="left")
+    np.testing.assert_allclose(vg.load_trajectory(out).covariance, blocks, atol=1e-9 * blocks.max())
+    done = command("diagnose", bundle, "--rotation", "angle")
+    assert done.returncode == 2 and "--rotation: is about .g2o files" in done.stderr, done

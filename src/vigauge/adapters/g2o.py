@@ -28,7 +28,8 @@ _EDGES = {
     "EDGE_SE3_TRACKXYZ": ("VERTEX_SE3:QUAT", "VERTEX_TRACKXYZ", 3, 3),
 }
 _OFFSET, _FIX = "PARAMS_SE3OFFSET", "FIX"
-_ROTATIONS = {"quaternion": 1.0, "angle": 2.0}
+# What the information of EDGE_SE3:QUAT is about, and the unit of a rotation by a quaternion's vector part.
+ROTATIONS = {"quaternion": 1.0, "angle": 2.0}
 # Share of its largest eigenvalue that an edge's information may be negative: the rounding of six digits.
 _ROUNDED = 1e-5
 
@@ -155,8 +156,8 @@ def covariance(path: PathLike, *, rotation: str = "quaternion") -> EstimateCovar
 
 def information(path: PathLike, *, rotation: str = "quaternion") -> Information:
     """What :func:`covariance` inverts: H, its layout and the estimate."""
-    if rotation not in _ROTATIONS:
-        raise DataError("rotation", f"must be {' or '.join(_ROTATIONS)}", value=rotation)
+    if rotation not in ROTATIONS:
+        raise DataError("rotation", f"must be {' or '.join(ROTATIONS)}", value=rotation)
     graph = _Graph(path)
     of = {tag: sorted(n for n, (kind, _) in graph.vertices.items() if kind == tag) for tag in _VERTICES}
     first: dict[int, int] = {}
@@ -190,7 +191,7 @@ def information(path: PathLike, *, rotation: str = "quaternion") -> Information:
             np.array([at[key][part] for key in ends[:, end]]) for end in (0, 1) for part in (0, 1)
         ]
         with np.errstate(over="ignore", invalid="ignore"):
-            J = _JACOBIANS[tag](graph, edges, *poses_of_ends, _ROTATIONS[rotation])
+            J = _JACOBIANS[tag](graph, edges, *poses_of_ends, ROTATIONS[rotation])
             blocks = J.swapaxes(1, 2) @ np.array([edge.information for edge in edges]) @ J
         endless = np.flatnonzero(~np.isfinite(blocks).all(axis=(1, 2)))
         if endless.size:

@@ -12,7 +12,7 @@ import scipy.linalg
 
 from vigauge.adapters.information import Information
 from vigauge.cli.command import EXIT_DEFECT, LOG, parser, run
-from vigauge.cli.estimate_file import EXIT_WITHHELD, add_arguments, read, state_of
+from vigauge.cli.estimate_file import EXIT_WITHHELD, add_arguments, read_named, state_of
 from vigauge.cli.names import gauge_of, scale_of
 from vigauge.covariance.covariance import Covariance
 from vigauge.errors import DataError, DegenerateError, SolverError
@@ -32,7 +32,7 @@ def work(options: argparse.Namespace) -> None:
         raise DataError("--out", "must end in .csv or .npz", value=str(options.out))
     if options.scale and options.gauge == "free":
         raise DataError("--scale", "must not come with the free gauge, which needs none", value=options.scale)
-    given = read(options.file, options.problem, known_intrinsics=options.known_intrinsics)
+    given = read_named(options)
     write = _of_information if isinstance(given, Information) else _of_problem
     try:
         write(given, gauge, options)  # type: ignore[arg-type]

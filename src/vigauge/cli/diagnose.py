@@ -10,7 +10,7 @@ import sys
 
 from vigauge.adapters.information import Information
 from vigauge.cli.command import EXIT_DEFECT, parser, run
-from vigauge.cli.estimate_file import EXIT_WITHHELD, add_arguments, read, state_of
+from vigauge.cli.estimate_file import EXIT_WITHHELD, add_arguments, read_named, state_of
 from vigauge.errors import SolverError
 from vigauge.gauge.layout import null_space
 from vigauge.model.problem import Problem
@@ -19,7 +19,7 @@ from vigauge.observability.diagnosis import diagnose, diagnose_hessian
 
 
 def work(options: argparse.Namespace) -> None:
-    given = read(options.file, options.problem, known_intrinsics=options.known_intrinsics)
+    given = read_named(options)
     try:
         sentence, withheld = _finding(given, at_start=options.at_start)
     except SolverError as error:

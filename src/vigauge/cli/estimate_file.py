@@ -30,10 +30,12 @@ _GROUPS: dict[str, Group] = {
     "euclidean": Euclidean(),
     "similarity": Similarity(),
 }
+# Flags about the files of one kind, by its suffix.
+_FLAGS = {"sigma": ".txt", "known_intrinsics": ".txt", "rotation": ".g2o"}
 _MOVING = ("position", "rotation", "velocity")
 _HELP = """\
-FILE is what vg.save_problems writes, a pose graph (.g2o) or bundle adjustment in the large (BAL, .txt; sigma
-one pixel) after its optimisation, or an .npz archive with an information matrix:
+FILE is what vg.save_problems writes, a pose graph (.g2o) or bundle adjustment in the large (BAL, .txt) after
+its optimisation, or an .npz archive with an information matrix:
   H                        (n, n), without damping; or its CSR parts H_data, H_indices, H_indptr
   position, rotation,      (N, 3) columns of H of each keyframe; -1 where it has none;
   velocity                 velocity may be left out, and so may all that follows but R_WB and p_W
@@ -63,19 +65,50 @@ def add_arguments(arguments: argparse.ArgumentParser) -> None:
         help="use the state that the problem starts from; default: solve first",
     )
     arguments.add_argument(
+        "--sigma",
+        type=float,
+        metavar="PIXELS",
+        help="standard deviation of x and y in a .txt; default: 1",
+    )
+    arguments.add_argument(
         "--known-intrinsics",
         action="store_true",
+        default=None,
         help="treat f, k1, k2 of a .txt as known; default: estimated",
+    )
+    arguments.add_argument(
+        "--rotation",
+        choices=g2o.ROTATIONS,
+        help="what the information of EDGE_SE3:QUAT in a .g2o is about: the quaternion's vector part, as g2o"
+        " defines it (default), or the angle, as GTSAM writes such files",
     )
 
 
-def read(path: Path, number: int, *, known_intrinsics: bool = False) -> Problem | Information:
+def read_named(options: argparse.Namespace) -> Problem | Information:
+    """What the arguments of :func:`add_arguments` ask about; DataError also for a flag of other files."""
+    path = options.file
+    given = {name: value for name in _FLAGS if (value := getattr(options, name)) is not None}
+    for name in given:
+        if path.suffix.lower() != _FLAGS[name]:
+            flag = f"--{name.replace('_', '-')}"
+            raise DataError(flag, f"is about {_FLAGS[name]} files; leave it out", value=str(path))
+    return read(path, options.problem, **given)
+
+
+def read(
+    path: Path,
+    number: int,
+    *,
+    sigma: float = 1.0,
+    known_intrinsics: bool = False,
+    rotation: str = "quaternion",
+) -> Problem | Information:
     """A problem or an information matrix; DataError for a file with neither, or a broken one."""
     suffix = path.suffix.lower()
     if suffix == ".g2o":
-        return g2o.information(path)
+        return g2o.information(path, rotation=rotation)
     if suffix == ".txt":
-        return bal.information(path, intrinsics=not known_intrinsics)
+        return bal.information(path, sigma=sigma, intrinsics=not known_intrinsics)
     arrays = load_arrays(path)
     if "kind" in arrays:
         problems = load_problems(path)
