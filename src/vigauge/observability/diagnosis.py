@@ -15,11 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from scipy.sparse import issparse
 from scipy.special import chdtri
 
-from ..arrays import indices, reals, symmetric
+from ..arrays import indices, reals, sparse_symmetric, symmetric
 from ..errors import DataError
 from ..gauge.group import YawTranslation, local_tangent
 from ..geometry import so3
@@ -30,7 +32,8 @@ from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
 from ..solver.residuals import down_weighted
 from ..sparsity.layout import Index, by_keyframe
 from ..sparsity.rounding import rounding
-from .spectrum import NullSpace, require_semidefinite
+from .sparse_spectrum import SparseNullSpace
+from .spectrum import NullSpace
 from .unobservable import (
     ACCELEROMETER,
     GYROSCOPE,
@@ -40,6 +43,8 @@ from .unobservable import (
     unobservable_moves,
 )
 
+# Columns up to which a sparse matrix is made dense.
+_SMALL = 400
 # A quantity is determined if zero lies more than three of its standard deviations away.
 _SIGMAS = 3.0
 # Information that noise alone gives is a chi-square; beyond this quantile it is signal.
@@ -100,7 +105,8 @@ class Diagnosis:
     missing : number of expected directions that H does not have: something absolute is measured
     extra : null directions beyond them
     weak : directions with information, but no more than noise gives (three sigma reach zero)
-    eigenvalues : of the scaled matrix (reduced onto the motion for a problem), ascending
+    eigenvalues : of the scaled matrix (reduced onto the motion for a problem; the smallest of a large sparse
+        one), next to its largest, ascending
     gap : smallest eigenvalue that counts, over the largest that does not
     motion : "moving", "standing still" or "pure rotation"; empty for a bare matrix
     cause : why there are extra or weak directions, where that is known
@@ -192,30 +198,33 @@ def _listed(what: str, numbers: Sequence[int]) -> str:
     return f"{what}s {shown}" + (f" and {len(numbers) - 6} more" if len(numbers) > 6 else "")
 
 
-def diagnose_hessian(H: Array, U: Array, blocks: Mapping[str, Index] | None = None) -> Diagnosis:
+def diagnose_hessian(H: Any, U: Array, blocks: Mapping[str, Index] | None = None) -> Diagnosis:
     """Null directions of any estimator's information matrix beyond the ones that its gauge explains.
 
     Parameters
     ----------
-    H : (n, n) information matrix, symmetric
+    H : (n, n) information matrix, symmetric, an array or scipy.sparse. Of more than 400 sparse columns no
+        dense matrix is made, and ``eigenvalues`` are the smallest only
     U : (n, d) null directions that are expected (4 for visual-inertial, 7 for monocular problems)
     blocks : parameters of each named block; a null direction is named by the block that it lies
         in, or else as a combination with its shares. Without them all of H is one block.
 
-    Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric, and
-    IndefiniteError where H has a negative eigenvalue.
+    Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric,
+    IndefiniteError where H has a negative eigenvalue, and DegenerateError where a large sparse H leaves more
+    than 500 directions open.
     """
-    H = symmetric("H", H)
-    n = len(H)
+    large = issparse(H) and H.shape[0] > _SMALL
+    H = sparse_symmetric("H", H, H.shape[0]) if large else symmetric("H", H)
+    n = H.shape[0]
     U = reals("U", U, (n, "d"), matrix=True)
-    null = NullSpace(H, np.diagonal(H))
-    require_semidefinite(null.matrix)
+    null = SparseNullSpace(H, U) if large else NullSpace(H, np.diagonal(H))
+    null.require_semidefinite()
     expected = null.take(U).shape[1]
     named = {name: indices("blocks", rows, n, field=name) for name, rows in (blocks or {}).items()}
     parts = named or {"parameters": np.arange(n, dtype=np.int64)}
     extra = []
     for name, rows in parts.items():
-        found = null.take(np.eye(n)[:, rows]) if blocks else null.explained[:, :0]
+        found = null.take_parameters(rows) if blocks else null.explained[:, :0]
         if found.shape[1]:
             extra.append(Direction(name, found.shape[1], null.eigenvalue(found), _shares(found, parts)))
     rest = null.rest()

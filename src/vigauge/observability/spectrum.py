@@ -8,6 +8,7 @@ Table I, the diagnosis, the condition number and the covariances all ask it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,18 +53,22 @@ class Spectrum:
         return cls(scaled_eigenvalues(S), reduced.structure.n_landmarks)
 
     @property
+    def _null(self) -> np.ndarray:
+        return is_null(self.eigenvalues, len(self.eigenvalues), float(np.abs(self.eigenvalues).max()))
+
+    @property
     def gap(self) -> float:
         """Smallest magnitude that is not zero to rounding over the largest that is.
 
         It says how clear the null directions are. Without any the smallest eigenvalue is
         compared with the rounding error of the largest.
         """
-        return _gap(self.eigenvalues, _null(self.eigenvalues))
+        return _gap(self.eigenvalues, self._null)
 
     @property
     def nullity(self) -> int:
         """Number of directions without information."""
-        return int(np.count_nonzero(_null(self.eigenvalues)))
+        return int(np.count_nonzero(self._null))
 
     @property
     def rank(self) -> int:
@@ -77,10 +82,10 @@ class Spectrum:
         return largest / smallest if smallest > rounding(len(self.eigenvalues)) * largest else np.inf
 
 
-def _null(eigenvalues: Array) -> np.ndarray:
-    """Which eigenvalues of a scaled matrix are zero to rounding."""
+def is_null(eigenvalues: Array, n: int, largest: float) -> np.ndarray:
+    """Which eigenvalues of a scaled (n, n) matrix, whose largest is given, are zero to rounding."""
     # Of H scaled to a unit diagonal the largest is at least one; a Schur complement may be all rounding.
-    return eigenvalues < rounding(len(eigenvalues)) * max(float(np.abs(eigenvalues).max()), 1.0)
+    return eigenvalues < rounding(n) * max(largest, 1.0)
 
 
 def _gap(eigenvalues: Array, null: np.ndarray) -> float:
@@ -118,31 +123,50 @@ def require_regular(trace: float, n: int) -> None:
 
 def require_semidefinite(A: Array) -> None:
     """IndefiniteError where a matrix A that was scaled to a unit diagonal has a negative eigenvalue."""
-    eigenvalues, vectors = np.linalg.eigh(0.5 * (A + A.T))
-    if eigenvalues[0] < -rounding(len(A)) * max(float(np.abs(eigenvalues).max()), 1.0):
-        weights = np.abs(vectors[:, 0])
-        largest = np.argsort(-weights)[:4]
-        where = sorted(map(int, largest[weights[largest] > 0.5 * weights.max()]))
-        raise IndefiniteError(
-            f"H is not positive semidefinite: {eigenvalues[0]:.0e} of its diagonal in a direction mostly of"
-            f" parameter {', '.join(map(str, where))}. It is no sum of squares, or lost digits"
-            " (stored in single precision, or as differences of large numbers)"
-        )
+    _require_semidefinite(*np.linalg.eigh(0.5 * (A + A.T)))
+
+
+def _require_semidefinite(eigenvalues: Array, vectors: Array) -> None:
+    if eigenvalues[0] < -rounding(len(vectors)) * max(float(np.abs(eigenvalues).max()), 1.0):
+        raise indefinite(float(eigenvalues[0]), vectors[:, 0])
+
+
+def indefinite(value: float, direction: Array) -> IndefiniteError:
+    """What to say of a scaled matrix with a negative ``value`` along a unit direction (n,)."""
+    weights = np.abs(direction)
+    largest = np.argsort(-weights)[:4]
+    where = sorted(map(int, largest[weights[largest] > 0.5 * weights.max()]))
+    return IndefiniteError(
+        f"H is not positive semidefinite: {value:.0e} of its diagonal in a direction mostly of"
+        f" parameter {', '.join(map(str, where))}. It is no sum of squares, or lost digits"
+        " (stored in single precision, or as differences of large numbers)"
+    )
+
+
+def unit_scale(diagonal: Array) -> Array:
+    """Roots of a diagonal. A parameter without any information keeps its unit."""
+    return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
 
 class NullSpace:
     """Null space of a symmetric matrix after Jacobi scaling, and which of it is explained so far."""
 
     def __init__(self, matrix: Array, diagonal: Array) -> None:
-        # A parameter without any information keeps its unit.
-        self.scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        self.matrix = matrix / self.scale[:, None] / self.scale
-        self.eigenvalues, self.vectors = np.linalg.eigh(0.5 * (self.matrix + self.matrix.T))
-        self.largest = max(float(np.max(np.abs(self.eigenvalues))), 1.0)
-        null = _null(self.eigenvalues)
-        self.basis = self.vectors[:, null]
-        self.explained = np.zeros((len(matrix), 0))
-        self.gap = _gap(self.eigenvalues, null)
+        self.scale = unit_scale(diagonal)
+        A = matrix / self.scale[:, None] / self.scale
+        eigenvalues, vectors = np.linalg.eigh(0.5 * (A + A.T))
+        self._keep(A, eigenvalues, vectors, max(float(np.max(np.abs(eigenvalues))), 1.0))
+
+    def _keep(self, matrix: Any, eigenvalues: Array, vectors: Array, largest: float) -> None:
+        self.matrix, self.eigenvalues, self.vectors, self.largest = matrix, eigenvalues, vectors, largest
+        self._null = is_null(eigenvalues, len(vectors), largest)
+        self.basis = vectors[:, self._null]
+        self.explained = np.zeros((len(vectors), 0))
+        self.gap = _gap(eigenvalues, self._null)
+
+    def require_semidefinite(self) -> None:
+        """IndefiniteError where the matrix has a negative eigenvalue."""
+        _require_semidefinite(self.eigenvalues, self.vectors)
 
     @property
     def unexplained(self) -> int:
@@ -159,8 +183,17 @@ class NullSpace:
         length = np.linalg.norm(scaled, axis=0)
         scaled = scaled[:, length > 0.0] / length[length > 0.0]
         span, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
-        span = span[:, sizes > DEPENDENT * max(float(sizes.max(initial=0.0)), 1.0)]
-        left, cosines, _ = np.linalg.svd(self.basis.T @ span, full_matrices=False)
+        return self._take(self.basis.T @ span[:, sizes > DEPENDENT * max(float(sizes.max(initial=0.0)), 1.0)])
+
+    def take_parameters(self, rows: Index) -> Array:
+        """As :meth:`take`, of the unit vectors of some parameters."""
+        if not self.unexplained or not rows.size:
+            return self.explained[:, :0]
+        return self._take(self.basis[rows].T)
+
+    def _take(self, along: Array) -> Array:
+        """Of the span of orthonormal directions, whose products with the basis are given."""
+        left, cosines, _ = np.linalg.svd(along, full_matrices=False)
         inside = self.basis @ left[:, cosines > _INSIDE]
         inside -= self.explained @ (self.explained.T @ inside)
         fresh, sizes, _ = np.linalg.svd(inside, full_matrices=False)
@@ -181,7 +214,7 @@ class NullSpace:
     def marginal(self, functionals: Array) -> Array:
         """(c, c) covariance of linear functions (n, c) that are zero on the null space."""
         along = (functionals / self.scale[:, None]).T @ self.vectors
-        known = ~_null(self.eigenvalues)
+        known = ~self._null
         return (along[:, known] / self.eigenvalues[known]) @ along[:, known].T
 
     def eigenvalue(self, directions: Array) -> float:
