@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from .long_double import jacobian, turned
+
 OFFSET = np.array([0.2, -0.1, 0.3, *Rotation.from_rotvec([0.3, -0.5, 0.2]).as_quat()])
 
 
@@ -140,23 +142,29 @@ CAMERAS, POINTS = 4, 25
 class Adjustment:
     """Cameras around points, all seen by all, at an estimate that is not quite the best."""
 
-    def __init__(self) -> None:
+    def __init__(self, cameras: int = CAMERAS, points: int = POINTS) -> None:
         rng = np.random.default_rng(4)
-        self.X = rng.uniform(-1.0, 1.0, (POINTS, 3))
-        self.turns = Rotation.from_rotvec(rng.uniform(-0.7, 0.7, (CAMERAS, 3)))
-        t = np.array([0.0, 0.0, -5.0]) + rng.uniform(-0.5, 0.5, (CAMERAS, 3))
-        self.own = np.column_stack([rng.uniform(400, 600, CAMERAS), rng.uniform(-0.1, 0.1, (CAMERAS, 2))])
-        self.R, self.p = self.turns.inv(), -self.turns.inv().apply(t)
-        self.t = t
-        pixels = self.pixels(np.zeros(9 * CAMERAS + 3 * POINTS))
+        self.cameras, self.points = cameras, points
+        self.X = rng.uniform(-1.0, 1.0, (points, 3))
+        self.turns = Rotation.from_rotvec(rng.uniform(-0.7, 0.7, (cameras, 3)))
+        self.t = np.array([0.0, 0.0, -5.0]) + rng.uniform(-0.5, 0.5, (cameras, 3))
+        self.own = np.column_stack([rng.uniform(400, 600, cameras), rng.uniform(-0.1, 0.1, (cameras, 2))])
+        self.R = self.turns.inv().as_matrix()
+        self.p = -np.einsum("nij,nj->ni", self.R.astype(np.longdouble), self.t)
+        pixels = self.pixels(np.zeros(self.n)).astype(float)
         self.pixels_seen = pixels + rng.standard_normal(len(pixels))
+
+    @property
+    def n(self) -> int:
+        return 9 * self.cameras + 3 * self.points
 
     def pixels(self, step: np.ndarray) -> np.ndarray:
         """P = R X + t; p = -P / P.z; f r(p) p, r = 1 + k1 |p|^2 + k2 |p|^4; by left increments."""
-        cameras, X = step[: 9 * CAMERAS].reshape(-1, 9), self.X + step[9 * CAMERAS :].reshape(-1, 3)
+        head = 9 * self.cameras
+        cameras, X = step[:head].reshape(-1, 9), self.X + step[head:].reshape(-1, 3)
         out = []
         for n, d in enumerate(cameras):
-            P = (Rotation.from_rotvec(d[3:6]) * self.R[n]).inv().apply(X - self.p[n] - d[:3])
+            P = (X - self.p[n] - d[:3]) @ turned(d[3:6]) @ self.R[n]
             xy = -P[:, :2] / P[:, 2:]
             r2 = np.sum(xy**2, axis=1, keepdims=True)
             f, k1, k2 = self.own[n] + d[6:]
@@ -164,14 +172,22 @@ class Adjustment:
         return np.concatenate(out).ravel()
 
     def jacobian(self) -> np.ndarray:
-        steps = 1e-4 * np.eye(9 * CAMERAS + 3 * POINTS)
-        f = self.pixels
-        return np.array([(8 * (f(d) - f(-d)) - f(2 * d) + f(-2 * d)) / 12e-4 for d in steps]).T
+        return jacobian(self.pixels, self.n)
+
+    def null_space(self) -> np.ndarray:
+        """(n, 7) shifts, turns about the origin and the scale of all cameras and points."""
+        T = np.zeros((self.n, 7), np.longdouble)
+        at = T[: 9 * self.cameras].reshape(-1, 9, 7), T[9 * self.cameras :].reshape(-1, 3, 7)
+        for part, place in zip(at, (self.p, self.X), strict=True):
+            part[:, :3, :3], part[:, :3, 6] = np.eye(3), place
+            part[:, :3, 3:6] = np.cross(np.eye(3)[None], place[:, None]).swapaxes(1, 2)
+        at[0][:, 3:6, 3:6] = np.eye(3)
+        return T
 
     def write(self, path: Path) -> Path:
-        lines = [f"{CAMERAS} {POINTS} {CAMERAS * POINTS}"]
+        lines = [f"{self.cameras} {self.points} {self.cameras * self.points}"]
         for k, (x, y) in enumerate(self.pixels_seen.reshape(-1, 2).tolist()):
-            lines.append(f"{k // POINTS} {k % POINTS}     {x!r} {y!r}")
+            lines.append(f"{k // self.points} {k % self.points}     {x!r} {y!r}")
         cameras = np.column_stack([self.turns.as_rotvec(), self.t, self.own])
         lines += map(repr, [*cameras.ravel().tolist(), *self.X.ravel().tolist()])
         path.write_text("\n".join(lines) + "\n")
