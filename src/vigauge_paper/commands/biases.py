@@ -12,7 +12,7 @@ from vigauge_paper.claims import Criteria
 from vigauge_paper.claims.biases import judge_biases
 from vigauge_paper.experiments.biases import error_rows, sentence
 from vigauge_paper.figures.biases import draw_biases
-from vigauge_paper.run.artefacts import add_section, stem_of
+from vigauge_paper.run.artefacts import FILE, STEM, add_section
 from vigauge_paper.run.stage import parser, run, settings_from
 from vigauge_paper.tables import markdown
 
@@ -45,10 +45,10 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--runs", type=Path, required=True, help="table of experiment 'biases'")
+    arguments.add_argument("--runs", **FILE, help="table of experiment 'biases'")
     add_section(arguments, "--criteria", "claims")
     about = "PNG; PDF, CSV and Markdown go beside it, the errors as NAME_errors.csv"
-    arguments.add_argument("--output", type=stem_of, required=True, help=about)
+    arguments.add_argument("--output", **STEM, help=about)
     run(work, arguments)
 
 

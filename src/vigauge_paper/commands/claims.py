@@ -22,7 +22,7 @@ from vigauge_paper.claims import (
     paired_statistics,
 )
 from vigauge_paper.claims.sensitivity import ranges
-from vigauge_paper.run.artefacts import add_reading, add_section, named_file
+from vigauge_paper.run.artefacts import FILE, NAMED, add_reading, add_section, named_file
 from vigauge_paper.run.provenance import require_coherent
 from vigauge_paper.run.stage import parser, run, settings_from
 from vigauge_paper.tables import markdown
@@ -113,24 +113,20 @@ def _ranges(summary: Path) -> str:
 def main() -> None:
     arguments = parser(__doc__)
     for name in ("solutions", "timings", "covariances"):
-        arguments.add_argument(
-            f"--{name}", type=named_file, nargs="+", required=True, help="NAME=FILE of each experiment"
-        )
-    arguments.add_argument(
-        "--reasons", type=named_file, nargs="+", required=True, help="NAME=FILE of explaining experiments"
-    )
-    arguments.add_argument("--sweep", type=Path, required=True)
-    arguments.add_argument("--sweep-trace", type=Path, required=True)
+        arguments.add_argument(f"--{name}", **NAMED, help="NAME=FILE of each experiment")
+    arguments.add_argument("--reasons", **NAMED, help="NAME=FILE of explaining experiments")
+    arguments.add_argument("--sweep", **FILE)
+    arguments.add_argument("--sweep-trace", **FILE)
     arguments.add_argument("--sweep-configuration", required=True, help="configuration of the sweep")
     arguments.add_argument("--machine-hall", required=True, help="the one in the place of the paper's MH1")
     arguments.add_argument("--vicon-room", required=True, help="the one in the place of the paper's VI1")
     arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
-    arguments.add_argument("--machine", type=Path, required=True, help="what the times were taken on")
+    arguments.add_argument("--machine", **FILE, help="what the times were taken on")
     add_section(arguments, "--criteria", "claims")
     add_reading(arguments)
-    arguments.add_argument("--output", type=Path, required=True, help="claims.csv; claims.md goes beside it")
-    arguments.add_argument("--why", type=Path, required=True, help="output: reason of each claim")
-    arguments.add_argument("--statistics", type=Path, required=True, help="output: paired differences")
+    arguments.add_argument("--output", **FILE, help="claims.csv; claims.md goes beside it")
+    arguments.add_argument("--why", **FILE, help="output: reason of each claim")
+    arguments.add_argument("--statistics", **FILE, help="output: paired differences")
     arguments.add_argument(
         "--evidence", type=named_file, nargs="*", default=[], help="NAME=FILE of evidence to link to"
     )

@@ -13,12 +13,7 @@ from vigauge_paper.comparison.number import Row, counts, machine, score
 from vigauge_paper.comparison.numbers import Results, numbers
 from vigauge_paper.comparison.variants import FACTOR, MOVED, OFF, VARIANTS, explained_by_chance, variants
 from vigauge_paper.ids import STAND_IN
-from vigauge_paper.run.artefacts import (
-    add_published_names,
-    add_reading,
-    add_solver,
-    named_file,
-)
+from vigauge_paper.run.artefacts import FILE, NAMED, add_published_names, add_reading, add_solver
 from vigauge_paper.run.provenance import made_with
 from vigauge_paper.run.stage import parser, run, settings_from
 from vigauge_paper.tables import markdown
@@ -94,11 +89,7 @@ def work(options: argparse.Namespace) -> None:
         markdown([{key: _shown(value) for key, value in row.items()} for row in rows]),
     ]
     write_text(options.output.with_suffix(".md"), "\n".join(parts))
-    LOG.info(
-        "%d numbers; Table II: mean |log ratio| %.3f, largest %.3f",
-        len(rows),
-        *score(found),
-    )
+    LOG.info("%d numbers; Table II: mean |log ratio| %.3f, largest %.3f", len(rows), *score(found))
 
 
 def main() -> None:
@@ -108,7 +99,7 @@ def main() -> None:
         ("timings", "NAME=timing.csv of all experiments"),
         ("covariances", "NAME=FILE of covariances of all experiments"),
     ):
-        arguments.add_argument(f"--{name}", type=named_file, nargs="+", required=True, help=text)
+        arguments.add_argument(f"--{name}", **NAMED, help=text)
     for name, text in (
         ("sweep", "table of the prior sweep"),
         ("sweep-timing", "its times"),
@@ -117,7 +108,7 @@ def main() -> None:
         ("hypothesis", "table of the experiment 'bias_hypothesis'"),
         ("published", "folder of the published numbers"),
     ):
-        arguments.add_argument(f"--{name}", type=Path, required=True, help=text)
+        arguments.add_argument(f"--{name}", **FILE, help=text)
     add_reading(arguments)
     add_solver(arguments)
     arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
@@ -127,7 +118,7 @@ def main() -> None:
         "--sensitivity", type=Path, help="summary of the sensitivity sweep, if there is one"
     )
     arguments.add_argument("--sensitivity-stamp", type=Path, help="stamp of that summary")
-    arguments.add_argument("--output", type=Path, required=True, help="CSV; the page goes beside it")
+    arguments.add_argument("--output", **FILE, help="CSV; the page goes beside it")
     run(work, arguments)
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from vigauge.solver.levenberg_marquardt import CONVERGED, Status
 from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import FIX, FREE, HEADLINE, PRIOR
 from vigauge_paper.prior import information
-from vigauge_paper.run.artefacts import PRIOR_KEYS, add_prior
+from vigauge_paper.run.artefacts import FILE, PRIOR_KEYS, add_prior
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 
 # Covariances of the archive, and how far from symmetric and positive they may be: rounding errors.
@@ -155,16 +154,12 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--problems", type=Path, required=True, help="archive; its first problem is used")
-    arguments.add_argument("--states", type=Path, required=True, help="estimates as solve writes them")
+    arguments.add_argument("--problems", **FILE, help="archive; its first problem is used")
+    arguments.add_argument("--states", **FILE, help="estimates as solve writes them")
     add_prior(arguments)
     arguments.add_argument("--noise", type=json_argument, default={}, help="noise models by name")
-    arguments.add_argument(
-        "--output", type=Path, required=True, help="output: covariances of the headline noise"
-    )
-    arguments.add_argument(
-        "--distances", type=Path, required=True, help="output: their distances, a row a noise model"
-    )
+    arguments.add_argument("--output", **FILE, help="output: covariances of the headline noise")
+    arguments.add_argument("--distances", **FILE, help="output: their distances, a row a noise model")
     run(work, arguments, Stamped(PRIOR_KEYS, outputs=("output", "distances")))
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from vigauge.cli.command import LOG
 from vigauge.errors import DataError
 from vigauge.files import write_json
-from vigauge_paper.run.artefacts import named_file
+from vigauge_paper.run.artefacts import FILE, NAMED
 from vigauge_paper.run.stage import json_argument, parser, run
 
 
@@ -63,11 +63,11 @@ def work(options: argparse.Namespace) -> None:
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--config", type=json_argument, required=True, help="the whole configuration")
-    arguments.add_argument("--checkout", type=Path, required=True, help="folder of the project")
+    arguments.add_argument("--checkout", **FILE, help="folder of the project")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
-    arguments.add_argument("--reports", type=named_file, nargs="+", required=True, help="NAME=report.json")
-    arguments.add_argument("--timings", type=Path, nargs="+", required=True, help="JSON of the timed solves")
-    arguments.add_argument("--output", type=Path, required=True)
+    arguments.add_argument("--reports", **NAMED, help="NAME=report.json")
+    arguments.add_argument("--timings", **FILE, nargs="+", help="JSON of the timed solves")
+    arguments.add_argument("--output", **FILE)
     run(work, arguments)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from vigauge.files import write_json
 from vigauge.gauge.gauges import three_gauges
@@ -11,6 +10,7 @@ from vigauge.model.archive import load_arrays, load_problems, load_states
 from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import FREE, HEADLINE
 from vigauge_paper.page.explorer import explorer_data
+from vigauge_paper.run.artefacts import FILE
 from vigauge_paper.run.stage import json_argument, parser, run
 
 
@@ -35,9 +35,9 @@ def main() -> None:
         ("states", "estimates as solve writes them"),
         ("covariance", "archive of covariances: says whether they are withheld, and why"),
     ):
-        arguments.add_argument(f"--{name}", type=Path, required=True, help=text)
+        arguments.add_argument(f"--{name}", **FILE, help=text)
     arguments.add_argument("--noise", type=json_argument, default={}, help="noise models by name")
-    arguments.add_argument("--output", type=Path, required=True, help="output: JSON")
+    arguments.add_argument("--output", **FILE, help="output: JSON")
     run(work, arguments)
 
 

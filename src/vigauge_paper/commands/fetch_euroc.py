@@ -15,6 +15,7 @@ from vigauge.recordings.asl.sequence import read_sequence
 from vigauge_paper.fetch.download import Patience
 from vigauge_paper.fetch.sequence import RECORD, fetch_sequence
 from vigauge_paper.fetch.sources import read_sources
+from vigauge_paper.run.artefacts import FILE
 from vigauge_paper.run.stage import parser, run
 
 
@@ -41,10 +42,8 @@ def work(options: argparse.Namespace) -> None:
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--sequence", required=True, help="name of the sequence in the table")
-    arguments.add_argument("--sources", type=Path, required=True, help="table of addresses")
-    arguments.add_argument(
-        "--output", type=Path, required=True, help="folder in which <sequence>/mav0 is made"
-    )
+    arguments.add_argument("--sources", **FILE, help="table of addresses")
+    arguments.add_argument("--output", **FILE, help="folder in which <sequence>/mav0 is made")
     arguments.add_argument("--record", type=Path, help="output: where the sequence came from, JSON")
     default = Patience()
     arguments.add_argument("--attempts", type=int, default=default.attempts, help="attempts in a row")

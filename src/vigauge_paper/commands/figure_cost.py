@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from vigauge_paper.figures.cost import draw_cost
-from vigauge_paper.run.artefacts import add_published, named_file, stem_of
+from vigauge_paper.run.artefacts import NAMED, STEM, add_published
 from vigauge_paper.run.stage import parser, run
 
 
@@ -18,18 +18,14 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument(
-        "--solutions", type=named_file, nargs="+", required=True, help="NAME=solutions.csv"
-    )
-    arguments.add_argument("--timings", type=named_file, nargs="+", required=True, help="NAME=timing.csv")
+    arguments.add_argument("--solutions", **NAMED, help="NAME=solutions.csv")
+    arguments.add_argument("--timings", **NAMED, help="NAME=timing.csv")
     arguments.add_argument("--source", choices=("simulation", "euroc", "rendered"), required=True)
     arguments.add_argument(
         "--published-file", help="file of the paper's numbers in the folder of --published"
     )
     arguments.add_argument("--published-names", nargs="*", default=[], help="the paper's names, in order")
-    arguments.add_argument(
-        "--output", type=stem_of, required=True, help="the PNG; the PDF and the numbers go beside it"
-    )
+    arguments.add_argument("--output", **STEM, help="the PNG; the PDF and the numbers go beside it")
     add_published(arguments)
     run(work, arguments)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from vigauge.errors import ConfigError
 from vigauge_paper.figures.ellipses import draw_ellipses
 from vigauge_paper.figures.matrices import draw_covariances
-from vigauge_paper.run.artefacts import stem_of
+from vigauge_paper.run.artefacts import FILE, STEM
 from vigauge_paper.run.stage import parser, run
 
 
@@ -25,14 +25,12 @@ def work(options: argparse.Namespace) -> None:
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--kind", choices=("ellipses", "matrices"), required=True)
-    arguments.add_argument("--covariance", type=Path, required=True)
+    arguments.add_argument("--covariance", **FILE)
     arguments.add_argument(
         "--beside", type=Path, nargs="*", default=[], help="ellipses: archives of further sequences"
     )
     arguments.add_argument("--source", choices=("simulation", "euroc", "rendered"), required=True)
-    arguments.add_argument(
-        "--output", type=stem_of, required=True, help="the PNG; the PDF and the numbers go beside it"
-    )
+    arguments.add_argument("--output", **STEM, help="the PNG; the PDF and the numbers go beside it")
     arguments.add_argument(
         "--published-file", type=Path, help="numbers of the paper's figure to show beside ours"
     )

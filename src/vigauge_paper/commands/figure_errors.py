@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from vigauge_paper.figures.errors import draw_errors
-from vigauge_paper.run.artefacts import named_file, stem_of
+from vigauge_paper.run.artefacts import NAMED, STEM
 from vigauge_paper.run.stage import parser, run
 
 
@@ -16,10 +16,10 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--covariances", type=named_file, nargs="+", required=True, help="NAME=archive")
-    arguments.add_argument("--truths", type=named_file, nargs="+", required=True, help="NAME=truth.npz")
+    arguments.add_argument("--covariances", **NAMED, help="NAME=archive")
+    arguments.add_argument("--truths", **NAMED, help="NAME=truth.npz")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
-    arguments.add_argument("--output", type=stem_of, required=True, help="PNG; PDF and CSV go beside it")
+    arguments.add_argument("--output", **STEM, help="PNG; PDF and CSV go beside it")
     run(work, arguments)
 
 

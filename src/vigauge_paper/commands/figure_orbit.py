@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from vigauge.gauge.gauges import three_gauges
 from vigauge.model.archive import load_problems
@@ -11,7 +10,7 @@ from vigauge.solver.levenberg_marquardt import Options, solve
 from vigauge_paper.figures.chart import Chart
 from vigauge_paper.figures.orbit import draw_paths, draw_transformation
 from vigauge_paper.prior import information
-from vigauge_paper.run.artefacts import add_prior, add_solver, stem_of
+from vigauge_paper.run.artefacts import FILE, STEM, add_prior, add_solver
 from vigauge_paper.run.stage import parser, run, settings_from
 
 
@@ -27,12 +26,12 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--problems", type=Path, required=True)
+    arguments.add_argument("--problems", **FILE)
     arguments.add_argument("--trial", type=int, required=True, help="which of the problems")
     add_prior(arguments)
     add_solver(arguments)
-    arguments.add_argument("--paths", type=stem_of, required=True, help="PNG of Figure 2")
-    arguments.add_argument("--transformation", type=stem_of, required=True, help="PNG of Figure 8")
+    arguments.add_argument("--paths", **STEM, help="PNG of Figure 2")
+    arguments.add_argument("--transformation", **STEM, help="PNG of Figure 8")
     run(work, arguments)
 
 

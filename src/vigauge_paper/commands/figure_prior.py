@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from vigauge_paper.figures.prior import draw_accuracy, draw_cost, draw_paths, read_sweep
 from vigauge_paper.prior import READINGS
-from vigauge_paper.run.artefacts import add_published, add_reading, stem_of
+from vigauge_paper.run.artefacts import FILE, STEM, add_published, add_reading
 from vigauge_paper.run.stage import parser, run
 
 
@@ -26,15 +25,15 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--sweep", type=Path, required=True)
-    arguments.add_argument("--timing", type=Path, required=True)
-    arguments.add_argument("--trace", type=Path, required=True)
+    arguments.add_argument("--sweep", **FILE)
+    arguments.add_argument("--timing", **FILE)
+    arguments.add_argument("--trace", **FILE)
     arguments.add_argument(
         "--path-weights", nargs="+", required=True, help="weights of Figure 6 besides the free gauge"
     )
-    arguments.add_argument("--accuracy", type=stem_of, required=True, help="PNG of Figure 4")
-    arguments.add_argument("--cost", type=stem_of, required=True, help="PNG of Figure 5")
-    arguments.add_argument("--paths", type=stem_of, required=True, help="PNG of Figure 6")
+    arguments.add_argument("--accuracy", **STEM, help="PNG of Figure 4")
+    arguments.add_argument("--cost", **STEM, help="PNG of Figure 5")
+    arguments.add_argument("--paths", **STEM, help="PNG of Figure 6")
     add_reading(arguments)
     add_published(arguments)
     run(work, arguments)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from vigauge_paper.figures.reading import draw_reading
-from vigauge_paper.run.artefacts import stem_of
+from vigauge_paper.run.artefacts import FILE, STEM
 from vigauge_paper.run.stage import parser, run
 
 
@@ -16,8 +15,8 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--pulls", type=Path, required=True, help="table of experiment 'reading'")
-    arguments.add_argument("--output", type=stem_of, required=True, help="PNG; PDF and CSV go beside it")
+    arguments.add_argument("--pulls", **FILE, help="table of experiment 'reading'")
+    arguments.add_argument("--output", **STEM, help="PNG; PDF and CSV go beside it")
     run(work, arguments)
 
 

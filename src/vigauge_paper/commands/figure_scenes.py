@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from vigauge_paper.figures.scenes import draw_scenes
-from vigauge_paper.run.artefacts import stem_of
+from vigauge_paper.run.artefacts import FILE, STEM
 from vigauge_paper.run.stage import parser, run
 
 
@@ -18,15 +17,9 @@ def work(options: argparse.Namespace) -> None:
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--names", nargs="+", required=True, help="configurations, in order")
-    arguments.add_argument(
-        "--truths", type=Path, nargs="+", required=True, help="true states, in the same order"
-    )
-    arguments.add_argument(
-        "--paths", type=Path, nargs="+", required=True, help="dense trajectories, in the same order"
-    )
-    arguments.add_argument(
-        "--output", type=stem_of, required=True, help="the PNG; the PDF and the numbers go beside it"
-    )
+    arguments.add_argument("--truths", **FILE, nargs="+", help="true states, in the same order")
+    arguments.add_argument("--paths", **FILE, nargs="+", help="dense trajectories, in the same order")
+    arguments.add_argument("--output", **STEM, help="the PNG; the PDF and the numbers go beside it")
     run(work, arguments)
 
 

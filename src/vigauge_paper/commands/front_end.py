@@ -21,6 +21,7 @@ from vigauge.recordings.asl.sequence import read_sequence
 from vigauge.recordings.asl.truth_steps import find_steps, steps_between, without_steps
 from vigauge.recordings.frontend.build import build_problem
 from vigauge.recordings.frontend.settings import FrontEndSettings
+from vigauge_paper.run.artefacts import FILE
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 
 
@@ -106,11 +107,9 @@ def sources_of(options: argparse.Namespace) -> list[Path]:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--sequence", type=Path, required=True, help="folder with mav0/ in it")
-    arguments.add_argument(
-        "--biases", type=Path, required=True, help="ground-truth folder of the known biases"
-    )
-    arguments.add_argument("--truth", type=Path, required=True, help="ground-truth folder for evaluation")
+    arguments.add_argument("--sequence", **FILE, help="folder with mav0/ in it")
+    arguments.add_argument("--biases", **FILE, help="ground-truth folder of the known biases")
+    arguments.add_argument("--truth", **FILE, help="ground-truth folder for evaluation")
     arguments.add_argument("--settings", type=json_argument, required=True, help="front-end settings")
     arguments.add_argument("--sort", action="store_true", help="put rows in order of time, and count them")
     arguments.add_argument(
@@ -120,19 +119,12 @@ def main() -> None:
         help="report of the check: where it or the front-end refuses the sequence, the report says why,"
         " and the archives are empty files",
     )
-    arguments.add_argument("--output", type=Path, required=True, help="output: the problem")
+    arguments.add_argument("--output", **FILE, help="output: the problem")
     arguments.add_argument(
-        "--truth-output",
-        type=Path,
-        required=True,
-        help="output: true states at the keyframes, without steps and as published",
+        "--truth-output", **FILE, help="output: true states at the keyframes, without steps and as published"
     )
-    arguments.add_argument("--report", type=Path, required=True, help="output: counts and errors")
-    run(
-        work,
-        arguments,
-        Stamped({}, outputs=("output", "truth_output", "report"), sources=sources_of),
-    )
+    arguments.add_argument("--report", **FILE, help="output: counts and errors")
+    run(work, arguments, Stamped({}, outputs=("output", "truth_output", "report"), sources=sources_of))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vigauge.files import write_text
 from vigauge_paper.page.index import Material, index_page
-from vigauge_paper.run.artefacts import named_file
+from vigauge_paper.run.artefacts import FILE, named_file
 from vigauge_paper.run.provenance import made_with
 from vigauge_paper.run.stage import parser, run
 
@@ -42,10 +42,10 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--claims", type=Path, required=True, help="claims.csv, with claims.md beside it")
-    arguments.add_argument("--why", type=Path, required=True, help="reason of each claim")
-    arguments.add_argument("--environment", type=Path, required=True, help="environment.json")
-    arguments.add_argument("--captions", type=Path, required=True, help="folder of the figures' captions")
+    arguments.add_argument("--claims", **FILE, help="claims.csv, with claims.md beside it")
+    arguments.add_argument("--why", **FILE, help="reason of each claim")
+    arguments.add_argument("--environment", **FILE, help="environment.json")
+    arguments.add_argument("--captions", **FILE, help="folder of the figures' captions")
     arguments.add_argument("--source", choices=("euroc", "rendered", "other"), required=True)
     arguments.add_argument(
         "--published", nargs="*", default=[], help="figures that show the paper's numbers beside ours"
@@ -60,7 +60,7 @@ def main() -> None:
     arguments.add_argument("--spread", type=Path, help="spread over harmless changes, if there is one")
     arguments.add_argument("--spread-stamp", type=Path, help="stamp of that spread")
     arguments.add_argument("--explorers", type=Path, nargs="*", default=[], help="data of the gauge explorer")
-    arguments.add_argument("--output", type=Path, required=True, help="the page")
+    arguments.add_argument("--output", **FILE, help="the page")
     run(work, arguments)
 
 

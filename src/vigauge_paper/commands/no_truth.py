@@ -8,7 +8,7 @@ from vigauge.errors import DataError
 from vigauge.files import write_rows, write_text
 from vigauge_paper.ids import STAND_IN
 from vigauge_paper.no_truth import no_truth_rows, no_truth_sentence
-from vigauge_paper.run.artefacts import add_section, named_file, stem_of
+from vigauge_paper.run.artefacts import STEM, add_section, named_file
 from vigauge_paper.run.stage import json_argument, parser, run
 from vigauge_paper.tables import markdown
 
@@ -40,7 +40,7 @@ def main() -> None:
         arguments.add_argument(f"--{name}", type=named_file, nargs="*", default=[], help=about)
     add_section(arguments, "--criteria", "claims")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
-    arguments.add_argument("--output", type=stem_of, required=True, help="CSV; Markdown goes beside it")
+    arguments.add_argument("--output", **STEM, help="CSV; Markdown goes beside it")
     run(work, arguments)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from vigauge.errors import DataError
 from vigauge.files import write_text
+from vigauge_paper.run.artefacts import FILE
 from vigauge_paper.run.stage import parser, run
 
 BEGIN = "<!-- results: made by `snakemake --cores 2 paper_page` -->"
@@ -31,8 +31,8 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--summary", type=Path, required=True, help="table made from the result files")
-    arguments.add_argument("--page", type=Path, required=True, help="page to update")
+    arguments.add_argument("--summary", **FILE, help="table made from the result files")
+    arguments.add_argument("--page", **FILE, help="page to update")
     run(work, arguments)
 
 

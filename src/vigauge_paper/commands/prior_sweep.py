@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterable
-from pathlib import Path
 
 from vigauge.cli.command import LOG
 from vigauge.files import write_rows
@@ -29,7 +28,7 @@ from vigauge_paper.experiments.interleaved import (
 )
 from vigauge_paper.ids import FREE
 from vigauge_paper.prior import READINGS, information
-from vigauge_paper.run.artefacts import add_solver
+from vigauge_paper.run.artefacts import FILE, add_solver
 from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
@@ -73,16 +72,16 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--problems", type=Path, required=True)
-    arguments.add_argument("--truth", type=Path, required=True)
+    arguments.add_argument("--problems", **FILE)
+    arguments.add_argument("--truth", **FILE)
     arguments.add_argument(
         "--weights", nargs="+", required=True, help="prior weights, as they are to be written"
     )
     add_solver(arguments)
     arguments.add_argument("--repeats", type=int, default=1, help="timed repeats of every trial")
-    arguments.add_argument("--sweep", type=Path, required=True, help="output: a row a solve")
-    arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
-    arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
+    arguments.add_argument("--sweep", **FILE, help="output: a row a solve")
+    arguments.add_argument("--trace", **FILE, help="output: a row an iteration")
+    arguments.add_argument("--timing", **FILE, help="output: seconds of each solve")
     run(
         work,
         arguments,

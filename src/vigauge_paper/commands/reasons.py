@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from pathlib import Path
 
 from vigauge.cli.command import LOG
 from vigauge.files import write_rows
@@ -14,10 +13,11 @@ from vigauge_paper.experiments.experiment import Material
 from vigauge_paper.experiments.registry import EXPERIMENTS, UNTIMED
 from vigauge_paper.ids import CONFIGURATIONS
 from vigauge_paper.run.artefacts import (
+    FILE,
+    NAMED,
     add_prior_information,
     add_section,
     add_solver,
-    named_file,
     table_files,
 )
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
@@ -53,15 +53,15 @@ def main() -> None:
         ("traces", "NAME=FILE of traces of all experiments"),
         ("covariances", "NAME=FILE of covariances of all experiments"),
     ):
-        arguments.add_argument(f"--{name}", type=named_file, nargs="+", required=True, help=text)
-    arguments.add_argument("--sweep-trace", type=Path, required=True, help="trace of the prior sweep")
+        arguments.add_argument(f"--{name}", **NAMED, help=text)
+    arguments.add_argument("--sweep-trace", **FILE, help="trace of the prior sweep")
     arguments.add_argument("--sweep-configuration", choices=CONFIGURATIONS, required=True)
-    arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
+    arguments.add_argument("--published", **FILE, help="folder of the published numbers")
     add_section(arguments, "--simulation", "simulation")
     add_prior_information(arguments)
     add_solver(arguments)
     add_section(arguments, "--settings", "reasons")
-    arguments.add_argument("--output", type=Path, required=True, help="folder that gets the tables")
+    arguments.add_argument("--output", **FILE, help="folder that gets the tables")
     run(
         work,
         arguments,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from pathlib import Path
 
 from vigauge.files import write_rows
 from vigauge.solver.levenberg_marquardt import Options
@@ -12,7 +11,7 @@ from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.experiment import Material
 from vigauge_paper.experiments.registry import EXPERIMENTS, TIMED
 from vigauge_paper.ids import CONFIGURATIONS
-from vigauge_paper.run.artefacts import add_prior_information, add_section, add_solver
+from vigauge_paper.run.artefacts import FILE, add_prior_information, add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
 
@@ -37,7 +36,7 @@ def main() -> None:
     add_solver(arguments)
     add_prior_information(arguments)
     add_section(arguments, "--settings", "reasons.EXPERIMENT")
-    arguments.add_argument("--output", type=Path, required=True, help="output: its table")
+    arguments.add_argument("--output", **FILE, help="output: its table")
     run(
         work,
         arguments,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vigauge.cli.command import LOG
+from vigauge_paper.run.artefacts import FILE
 from vigauge_paper.run.machine import versions
 from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
@@ -36,9 +37,7 @@ def rendered_files(options: argparse.Namespace) -> list[Path]:
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--scene", choices=sorted(SCENES), required=True)
-    arguments.add_argument(
-        "--output", type=Path, required=True, help="folder in which rendered_<scene> is made"
-    )
+    arguments.add_argument("--output", **FILE, help="folder in which rendered_<scene> is made")
     arguments.add_argument("--settings", type=json_argument, default={}, help="section 'scene' of a stand-in")
     run(work, arguments, Stamped({}, files=rendered_files))
 

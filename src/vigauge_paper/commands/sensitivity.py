@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from vigauge.cli.command import LOG
 from vigauge.files import write_rows
@@ -14,7 +13,7 @@ from vigauge.synthetic.settings import SimulationSettings
 from vigauge_paper.experiments.changes import changed
 from vigauge_paper.experiments.interleaved import Trial, solution_row, solve_once
 from vigauge_paper.ids import CONFIGURATIONS, HEADLINE
-from vigauge_paper.run.artefacts import add_prior_information, add_section, add_solver
+from vigauge_paper.run.artefacts import FILE, add_prior_information, add_section, add_solver
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
 
@@ -42,9 +41,7 @@ def main() -> None:
     add_section(arguments, "--settings", "simulation")
     add_solver(arguments)
     add_prior_information(arguments)
-    arguments.add_argument(
-        "--output", type=Path, required=True, help="folder that gets a CSV a configuration"
-    )
+    arguments.add_argument("--output", **FILE, help="folder that gets a CSV a configuration")
     run(
         work,
         arguments,

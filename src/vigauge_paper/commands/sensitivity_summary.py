@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import pandas as pd
 
 from vigauge.files import write_rows
 from vigauge_paper.claims import Criteria
 from vigauge_paper.claims.sensitivity import judge_setting
-from vigauge_paper.run.artefacts import add_section
+from vigauge_paper.run.artefacts import FILE, add_section
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
 
@@ -27,13 +26,13 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--folder", type=Path, required=True, help="folder with a folder a setting")
+    arguments.add_argument("--folder", **FILE, help="folder with a folder a setting")
     arguments.add_argument(
         "--settings", nargs="+", required=True, help="PARAMETER=VALUE, names of these folders"
     )
-    arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
+    arguments.add_argument("--published", **FILE, help="folder of the published numbers")
     add_section(arguments, "--criteria", "claims")
-    arguments.add_argument("--output", type=Path, required=True, help="a row a setting and claim")
+    arguments.add_argument("--output", **FILE, help="a row a setting and claim")
     run(work, arguments, Stamped({"criteria": "claims"}, outputs=("output",)))
 
 

@@ -6,7 +6,6 @@ Section IV-A and V-B of the paper.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from vigauge.model.archive import save_problems, save_states
 from vigauge.synthetic.checks import chi_square_at_truth, describe
 from vigauge.synthetic.scenario import make_scene, make_trials
 from vigauge.synthetic.settings import SimulationSettings
-from vigauge_paper.run.artefacts import add_section
+from vigauge_paper.run.artefacts import FILE, add_section
 from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, parser, run, settings_from
 
@@ -46,17 +45,11 @@ def main() -> None:
     arguments.add_argument("--trajectory", required=True)
     arguments.add_argument("--points", required=True)
     add_section(arguments, "--settings", "simulation")
-    arguments.add_argument("--problems", type=Path, required=True, help="output: one problem a trial")
-    arguments.add_argument("--truth", type=Path, required=True, help="output: the true state")
-    arguments.add_argument("--path", type=Path, required=True, help="output: the dense trajectory")
-    arguments.add_argument(
-        "--report", type=Path, required=True, help="output: what was simulated, chi-squares"
-    )
-    run(
-        work,
-        arguments,
-        Stamped({"settings": "simulation"}, outputs=("problems", "truth", "path", "report")),
-    )
+    arguments.add_argument("--problems", **FILE, help="output: one problem a trial")
+    arguments.add_argument("--truth", **FILE, help="output: the true state")
+    arguments.add_argument("--path", **FILE, help="output: the dense trajectory")
+    arguments.add_argument("--report", **FILE, help="output: what was simulated, chi-squares")
+    run(work, arguments, Stamped({"settings": "simulation"}, outputs=("problems", "truth", "path", "report")))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
 
 from vigauge.cli.command import LOG
 from vigauge.covariance.consistency import chi_square
@@ -12,17 +11,11 @@ from vigauge.files import write_rows
 from vigauge.model.archive import load_problems, load_states, save_states
 from vigauge.observability.diagnosis import diagnose
 from vigauge.solver.levenberg_marquardt import Options
-from vigauge_paper.experiments.interleaved import (
-    TimedSolve,
-    Trial,
-    solution_row,
-    solve_once,
-    trace_rows,
-)
+from vigauge_paper.experiments.interleaved import TimedSolve, Trial, solution_row, solve_once, trace_rows
 from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import GAUGES
 from vigauge_paper.prior import gauges as gauges_of
-from vigauge_paper.run.artefacts import PRIOR_KEYS, add_prior, add_solver
+from vigauge_paper.run.artefacts import FILE, PRIOR_KEYS, add_prior, add_solver
 from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
 
@@ -73,29 +66,19 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument("--problems", type=Path, required=True)
-    arguments.add_argument("--truth", type=Path, required=True)
+    arguments.add_argument("--problems", **FILE)
+    arguments.add_argument("--truth", **FILE)
     add_prior(arguments)
     add_solver(arguments)
     arguments.add_argument(
         "--noise", type=json_argument, default={}, help="noise models: sigma_px and density_factor"
     )
-    arguments.add_argument("--solutions", type=Path, required=True, help="output: a row a solve")
-    arguments.add_argument("--trace", type=Path, required=True, help="output: a row an iteration")
+    arguments.add_argument("--solutions", **FILE, help="output: a row a solve")
+    arguments.add_argument("--trace", **FILE, help="output: a row an iteration")
     arguments.add_argument(
-        "--states",
-        type=Path,
-        required=True,
-        help="output: estimates of trial 0, a noise model and gauge each",
+        "--states", **FILE, help="output: estimates of trial 0, a noise model and gauge each"
     )
-    run(
-        work,
-        arguments,
-        Stamped(
-            {"solver": "solver"} | PRIOR_KEYS,
-            outputs=("solutions", "trace", "states"),
-        ),
-    )
+    run(work, arguments, Stamped({"solver": "solver"} | PRIOR_KEYS, outputs=("solutions", "trace", "states")))
 
 
 if __name__ == "__main__":

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import pandas as pd
 
 from vigauge.files import write_rows
+from vigauge_paper.run.artefacts import FILE
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 from vigauge_paper.spread import spread_rows
 
@@ -25,8 +25,8 @@ def main() -> None:
     arguments.add_argument(
         "--changes", type=json_argument, required=True, help="names of each sequence's changed forms"
     )
-    arguments.add_argument("--solutions", type=Path, required=True, help="folder with a folder each")
-    arguments.add_argument("--output", type=Path, required=True, help="output: CSV")
+    arguments.add_argument("--solutions", **FILE, help="folder with a folder each")
+    arguments.add_argument("--output", **FILE, help="output: CSV")
     run(work, arguments, Stamped({}, outputs=("output",)))
 
 

@@ -14,7 +14,7 @@ from vigauge.files import write_text
 from vigauge_paper.claims import Verdict
 from vigauge_paper.figures.registry import FIGURES
 from vigauge_paper.ids import ERRORS, FIX, FREE, STAND_IN
-from vigauge_paper.run.artefacts import add_published_names
+from vigauge_paper.run.artefacts import FILE, add_published_names
 from vigauge_paper.run.stage import parser, run
 from vigauge_paper.tables import markdown
 
@@ -91,13 +91,11 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument(
-        "--artefacts", type=Path, required=True, help="folder of the finished tables and figures"
-    )
-    arguments.add_argument("--published", type=Path, required=True, help="folder of the published numbers")
+    arguments.add_argument("--artefacts", **FILE, help="folder of the finished tables and figures")
+    arguments.add_argument("--published", **FILE, help="folder of the published numbers")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
     add_published_names(arguments)
-    arguments.add_argument("--output", type=Path, required=True)
+    arguments.add_argument("--output", **FILE)
     run(work, arguments)
 
 

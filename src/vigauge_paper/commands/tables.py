@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from vigauge_paper.ids import STAND_IN
-from vigauge_paper.run.artefacts import add_published, add_published_names, named_file, stem_of
+from vigauge_paper.run.artefacts import STEM, add_published, add_published_names, named_file
 from vigauge_paper.run.provenance import made_with
 from vigauge_paper.run.stage import parser, run
 from vigauge_paper.spread import spread_sentence
@@ -125,9 +125,7 @@ def main() -> None:
     arguments.add_argument("--errors", type=Path, help="Table III: errors and sigmas of the keyframes")
     arguments.add_argument("--spread", type=Path, help="Table III: spread over changes, if there is one")
     arguments.add_argument("--spread-stamp", type=Path, help="stamp of that spread")
-    arguments.add_argument(
-        "--output", type=stem_of, required=True, help="the CSV; Markdown and LaTeX go beside it"
-    )
+    arguments.add_argument("--output", **STEM, help="the CSV; Markdown and LaTeX go beside it")
     arguments.add_argument(
         "--reports",
         type=named_file,

@@ -11,7 +11,6 @@ import argparse
 import time
 from collections.abc import Iterable
 from itertools import zip_longest
-from pathlib import Path
 
 from vigauge.cli.command import LOG
 from vigauge.files import write_json, write_rows
@@ -21,7 +20,7 @@ from vigauge_paper.experiments.interleaved import Trial, solve_interleaved, timi
 from vigauge_paper.experiments.solves import under_noise
 from vigauge_paper.ids import FIX, FIX_AGAIN, HEADLINE, PRIOR
 from vigauge_paper.prior import gauges as gauges_of
-from vigauge_paper.run.artefacts import PRIOR_KEYS, add_prior, add_solver, named_file
+from vigauge_paper.run.artefacts import FILE, NAMED, PRIOR_KEYS, add_prior, add_solver
 from vigauge_paper.run.machine import describe_machine, reference_seconds, versions
 from vigauge_paper.run.progress import progress
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run, settings_from
@@ -58,30 +57,20 @@ def work(options: argparse.Namespace) -> None:
 
 def main() -> None:
     arguments = parser(__doc__)
-    arguments.add_argument(
-        "--problems", type=named_file, nargs="+", required=True, help="NAME=problems.npz of each experiment"
-    )
+    arguments.add_argument("--problems", **NAMED, help="NAME=problems.npz of each experiment")
     add_prior(arguments)
     add_solver(arguments)
     arguments.add_argument(
         "--noise", type=json_argument, default={}, help="noise models of an experiment, by its name"
     )
     arguments.add_argument("--repeats", type=int, required=True, help="timed repeats of every trial")
-    arguments.add_argument("--timing", type=Path, required=True, help="output: seconds of each solve")
+    arguments.add_argument("--timing", **FILE, help="output: seconds of each solve")
     arguments.add_argument(
         "--machine",
-        type=Path,
-        required=True,
+        **FILE,
         help="output: what it ran on, and seconds of a fixed computation before each repeat and at the end",
     )
-    run(
-        work,
-        arguments,
-        Stamped(
-            {"solver": "solver"} | PRIOR_KEYS,
-            timings=("timing", "machine"),
-        ),
-    )
+    run(work, arguments, Stamped({"solver": "solver"} | PRIOR_KEYS, timings=("timing", "machine")))
 
 
 if __name__ == "__main__":

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from vigauge.cli.command import LOG
 from vigauge.errors import DataError
 from vigauge.files import write_rows, write_text
 from vigauge_paper.experiments.windows import COMPARED, DISTANCES, summarise, window_rows
 from vigauge_paper.ids import STAND_IN
+from vigauge_paper.run.artefacts import FILE
 from vigauge_paper.run.stage import json_argument, parser, run
 from vigauge_paper.tables import markdown
 
@@ -64,10 +64,10 @@ def main() -> None:
     arguments.add_argument(
         "--windows", type=json_argument, required=True, help="start_s, end_s and truth of each, by name"
     )
-    arguments.add_argument("--data", type=Path, required=True, help="folder of their checks and results")
+    arguments.add_argument("--data", **FILE, help="folder of their checks and results")
     arguments.add_argument("--source", choices=("euroc", "rendered"), required=True)
-    arguments.add_argument("--output", type=Path, required=True, help="output: CSV; Markdown goes beside it")
-    arguments.add_argument("--summary", type=Path, required=True, help="output: start against optimum")
+    arguments.add_argument("--output", **FILE, help="output: CSV; Markdown goes beside it")
+    arguments.add_argument("--summary", **FILE, help="output: start against optimum")
     run(work, arguments)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from vigauge_paper.prior import READINGS
 from vigauge_paper.run.stage import json_argument
@@ -22,6 +23,17 @@ def named_file(text: str) -> tuple[str, Path]:
     """NAME=FILE of the command line."""
     name, file = named_text(text)
     return name, Path(file)
+
+
+def stem_of(text: str) -> Path:
+    """Path without its ending: an artefact comes in several formats beside each other."""
+    return Path(text).with_suffix("")
+
+
+# What most flags are: one file or folder, NAME=FILE of several, an artefact without its ending.
+FILE: dict[str, Any] = {"type": Path, "required": True}
+NAMED: dict[str, Any] = {"type": named_file, "nargs": "+", "required": True}
+STEM: dict[str, Any] = {"type": stem_of, "required": True}
 
 
 def add_section(arguments: argparse.ArgumentParser, flag: str, section: str) -> None:
@@ -79,8 +91,3 @@ def add_published_names(arguments: argparse.ArgumentParser) -> None:
 def table_files(names: Sequence[str]) -> Callable[[argparse.Namespace], list[Path]]:
     """NAME.csv of each table in the folder ``--output``, for the stage's stamp."""
     return lambda options: [options.output / f"{name}.csv" for name in names]
-
-
-def stem_of(text: str) -> Path:
-    """Path without its ending: an artefact comes in several formats beside each other."""
-    return Path(text).with_suffix("")
