@@ -14,24 +14,16 @@ from urllib.parse import urlsplit
 
 @dataclass
 class Host:
-    """What the host does; tests change it.
+    """What the host does; tests change it."""
 
-    Attributes
-    ----------
-    files : content by path
-    ranges : whether parts are given
-    answers : (status, headers) given to the next requests instead of a file, one each
-    cut : bytes of body after which the connection of the next requests breaks, one each
-    kind : Content-Type
-    requests : (path, Range) of every request so far
-    """
-
-    files: dict[str, bytes] = field(default_factory=dict)
-    ranges: bool = True
+    files: dict[str, bytes] = field(default_factory=dict)  # content by path
+    ranges: bool = True  # whether parts are given
+    # (status, headers) given to the next requests instead of a file, one each.
     answers: list[tuple[int, dict[str, str]]] = field(default_factory=list)
+    # Bytes of body after which the connection of the next requests breaks, one each.
     cut: list[int | None] = field(default_factory=list)
-    kind: str = "application/zip"
-    requests: list[tuple[str, str]] = field(default_factory=list)
+    kind: str = "application/zip"  # Content-Type
+    requests: list[tuple[str, str]] = field(default_factory=list)  # (path, Range) of every request so far
     root: str = ""
 
     def url(self, path: str) -> str:

@@ -52,40 +52,30 @@ _GYRO, _ACCEL, _GRAVITY, _SCALE, _SHARED, _WIDTH = slice(0, 3), slice(3, 6), sli
 
 @dataclass(frozen=True)
 class Alignment:
-    """Result of :func:`align`.
+    """Result of :func:`align`."""
 
-    Attributes
-    ----------
-    R_WM : (3, 3) turns the map upright: its yaw is that of the least turn
-    p_M, R_MB, v_M : (N, 3) m, (N, 3, 3), (N, 3) m/s motion of the body along the map's axes, as vision and
-        inertial samples tell it together
-    gyro_bias, accel_bias : (3,) rad/s and m/s^2, constant over the window
-    scale : metres a unit of the map; 1 where it was known
-    covariance : (9, 9) of gyroscope bias, accelerometer bias and the turn of gravity, a rotation vector in M
-        across gravity (rad; of rank 2, it has no part along it)
-    velocity_sigma : (N, 3) m/s along the map's axes, poses of the first keyframe held
-    scale_sigma : relative, 0 where the scale was known
-    step_sigma : deviations of the visual step between neighbouring keyframes, in units of the map and rad
-    free_gravity : length of gravity, m/s^2, where it is not forced to the known magnitude
-    rms_position_m, rms_velocity_mps : of what the equations of motion leave over at the visual poses
-    remarks : a sentence on what the window does not tell
-    """
-
-    R_WM: Array
+    R_WM: Array  # (3, 3) turns the map upright: its yaw is that of the least turn
+    # (N, 3) m, (N, 3, 3), (N, 3) m/s motion of the body along the map's axes, as vision and inertial samples
+    # tell it together.
     p_M: Array
     R_MB: Array
     v_M: Array
+    # (3,) rad/s and m/s^2, constant over the window.
     gyro_bias: Array
     accel_bias: Array
-    scale: float
+    scale: float  # metres a unit of the map; 1 where it was known
+    # (9, 9) of gyroscope bias, accelerometer bias and the turn of gravity, a rotation vector in M across
+    # gravity (rad; of rank 2, it has no part along it).
     covariance: Array
-    velocity_sigma: Array
-    scale_sigma: float
+    velocity_sigma: Array  # (N, 3) m/s along the map's axes, poses of the first keyframe held
+    scale_sigma: float  # relative, 0 where the scale was known
+    # Deviations of the visual step between neighbouring keyframes, in units of the map and rad.
     step_sigma: tuple[float, float]
-    free_gravity: float
+    free_gravity: float  # length of gravity, m/s^2, where it is not forced to the known magnitude
+    # Of what the equations of motion leave over at the visual poses.
     rms_position_m: float
     rms_velocity_mps: float
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...]  # a sentence on what the window does not tell
 
     @property
     def gyro_bias_sigma(self) -> Array:

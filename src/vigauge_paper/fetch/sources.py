@@ -24,26 +24,15 @@ _BYTES = re.compile(r"([1-9][0-9]{0,15})?")
 
 @dataclass(frozen=True)
 class Source:
-    """One row: the address of a sequence's zip, or of a bundle.
+    """One row: the address of a sequence's zip, or of a bundle."""
 
-    Attributes
-    ----------
-    name : sequence or bundle
-    host : name of the host, for messages
-    url : http or https address of a file, without the part after ``#``
-    member : path inside the bundle at ``url``; None where ``url`` is the zip itself
-    size : bytes of the zip; None where unknown
-    sha256 : of the zip, lower-case hexadecimal; None where unknown
-    note : for people
-    """
-
-    name: str
-    host: str
-    url: str
-    member: str | None
-    size: int | None
-    sha256: str | None
-    note: str
+    name: str  # sequence or bundle
+    host: str  # name of the host, for messages
+    url: str  # http or https address of a file, without the part after ``#``
+    member: str | None  # path inside the bundle at ``url``; None where ``url`` is the zip itself
+    size: int | None  # bytes of the zip; None where unknown
+    sha256: str | None  # of the zip, lower-case hexadecimal; None where unknown
+    note: str  # for people
 
     def __str__(self) -> str:
         return f"{self.url}#{self.member}" if self.member else self.url

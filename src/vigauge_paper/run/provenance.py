@@ -22,30 +22,20 @@ from vigauge.files import write_json
 
 @dataclass(frozen=True)
 class Stamp:
-    """What one job made, from what.
+    """What one job made, from what."""
 
-    Attributes
-    ----------
-    stage : name of the command
-    version, code : of the package; sha256 of the source files that the stage loaded
-    packages : versions of Python and of the packages that numbers depend on
-    config : the sections of the configuration that the job depends on, and no others
-    labels : settings of this job alone (configuration, sequence, noise model, ...)
-    seeds : random seeds of the job and of everything that it was made from
-    inputs : identities of the stamps of what it read, by file relative to this stamp's folder
-    sources : sha256 of files from outside the workflow, by name
-    outputs, timings : sha256 of files made, by file; ``timings`` differ from run to run
-    """
-
-    stage: str
+    stage: str  # name of the command
+    # Of the package; sha256 of the source files that the stage loaded.
     version: str
     code: str
-    packages: Mapping[str, str]
-    config: Mapping[str, Any]
-    labels: Mapping[str, Any]
-    seeds: tuple[int, ...]
+    packages: Mapping[str, str]  # versions of Python and of the packages that numbers depend on
+    config: Mapping[str, Any]  # the sections of the configuration that the job depends on, and no others
+    labels: Mapping[str, Any]  # settings of this job alone (configuration, sequence, noise model, ...)
+    seeds: tuple[int, ...]  # random seeds of the job and of everything that it was made from
+    # Identities of the stamps of what it read, by file relative to this stamp's folder.
     inputs: Mapping[str, str]
-    sources: Mapping[str, str]
+    sources: Mapping[str, str]  # sha256 of files from outside the workflow, by name
+    # The sha256 of files made, by file; ``timings`` differ from run to run.
     outputs: Mapping[str, str]
     timings: Mapping[str, str]
 

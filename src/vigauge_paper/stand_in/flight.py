@@ -88,18 +88,13 @@ RIGS = {RADIAL_TANGENTIAL: euroc_cameras, EQUIDISTANT: fisheye_cameras}
 
 @dataclass(frozen=True)
 class FlightShape:
-    """A flight as sums of sines about a mean pose, one row a tone and one column an axis.
+    """A flight as sums of sines about a mean pose, one row a tone and one column an axis."""
 
-    Attributes
-    ----------
-    mean_W : (3,) m
-    position_m, position_hz : (tones, 3) amplitude and frequency along x, y, z of W
-    rotation_rad, rotation_hz : (tones, 3) of the rotation vector about up, right, forward
-    """
-
-    mean_W: ArrayLike
+    mean_W: ArrayLike  # (3,) m
+    # (tones, 3) amplitude and frequency along x, y, z of W.
     position_m: ArrayLike
     position_hz: ArrayLike
+    # (tones, 3) of the rotation vector about up, right, forward.
     rotation_rad: ArrayLike
     rotation_hz: ArrayLike
 

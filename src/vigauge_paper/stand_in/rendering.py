@@ -53,37 +53,24 @@ SCENES: dict[str, tuple[Callable[[], Scene], FlightShape]] = {
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """What may be chosen about a rendered sequence.
+    """What may be chosen about a rendered sequence."""
 
-    Attributes
-    ----------
-    seed : of texture, flight, frame times and noise
-    duration_s : from the first to (at most) the last frame
-    frame_spacing_min_s, frame_spacing_max_s : spacing is drawn from the multiples of the
-        camera period (0.05 s) in this range; equal values give an even rate
-    imu_margin_s : inertial data and truth before the first and after the last frame
-    gravity_mps2 : magnitude of gravity
-    gyro_bias_radps, accel_bias_mps2 : biases at the first inertial sample, body frame
-    bias_random_walk : let the biases wander with EuRoC's random-walk densities
-    imu_noise_factor : times EuRoC's published white-noise densities
-    image_noise_grey : standard deviation of a pixel's noise, grey levels of 256
-    vignetting : share of brightness lost in the corner of the image
-    lens : "radial-tangential", EuRoC's, or "equidistant", TUM-VI's fisheye
-    """
-
-    seed: int = 1
-    duration_s: float = 8.5
+    seed: int = 1  # of texture, flight, frame times and noise
+    duration_s: float = 8.5  # from the first to (at most) the last frame
+    # Spacing is drawn from the multiples of the camera period (0.05 s) in this range; equal values give an
+    # even rate.
     frame_spacing_min_s: float = 0.05
     frame_spacing_max_s: float = 0.05
-    imu_margin_s: float = 1.0
-    gravity_mps2: float = 9.81
+    imu_margin_s: float = 1.0  # inertial data and truth before the first and after the last frame
+    gravity_mps2: float = 9.81  # magnitude of gravity
+    # Biases at the first inertial sample, body frame.
     gyro_bias_radps: tuple[float, float, float] = (-0.002, 0.021, 0.077)
     accel_bias_mps2: tuple[float, float, float] = (-0.02, 0.13, 0.075)
-    bias_random_walk: bool = False
-    imu_noise_factor: float = 1.0
-    image_noise_grey: float = 2.0
-    vignetting: float = 0.2
-    lens: str = RADIAL_TANGENTIAL
+    bias_random_walk: bool = False  # let the biases wander with EuRoC's random-walk densities
+    imu_noise_factor: float = 1.0  # times EuRoC's published white-noise densities
+    image_noise_grey: float = 2.0  # standard deviation of a pixel's noise, grey levels of 256
+    vignetting: float = 0.2  # share of brightness lost in the corner of the image
+    lens: str = RADIAL_TANGENTIAL  # "radial-tangential", EuRoC's, or "equidistant", TUM-VI's fisheye
 
     def __post_init__(self) -> None:
         """Raises ConfigError for a value that no sequence can be made with."""
@@ -110,27 +97,17 @@ class RenderSettings:
 
 @dataclass(frozen=True)
 class RenderedSequence:
-    """Everything about a rendered sequence but its pixels, which :meth:`images` makes.
+    """Everything about a rendered sequence but its pixels, which :meth:`images` makes."""
 
-    Attributes
-    ----------
-    scene, atlas : the world and its paint
-    trajectory : the exact motion; its t = 0 is ``START_NS``
-    cameras : left and right
-    frame_ns : (F,) stamps of the stereo frames
-    imu : inertial record and its biases
-    imu_noise : the white-noise densities in it
-    settings : what it was made from
-    """
-
+    # The world and its paint.
     scene: Scene
     atlas: TextureAtlas
-    trajectory: SplineTrajectory
-    cameras: tuple[Camera, Camera]
-    frame_ns: NDArray[np.int64]
-    imu: ImuRecord
-    imu_noise: ImuNoise
-    settings: RenderSettings
+    trajectory: SplineTrajectory  # the exact motion; its t = 0 is ``START_NS``
+    cameras: tuple[Camera, Camera]  # left and right
+    frame_ns: NDArray[np.int64]  # (F,) stamps of the stereo frames
+    imu: ImuRecord  # inertial record and its biases
+    imu_noise: ImuNoise  # the white-noise densities in it
+    settings: RenderSettings  # what it was made from
 
     def pose(self, t_ns: int) -> tuple[Array, Array]:
         """Exact (R_WB, p_W) at a stamp."""

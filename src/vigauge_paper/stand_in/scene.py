@@ -35,17 +35,11 @@ class Box:
 
 @dataclass(frozen=True)
 class Scene:
-    """A room and the boxes in it.
+    """A room and the boxes in it."""
 
-    Attributes
-    ----------
-    room : its walls, floor and ceiling are seen from inside
-    boxes : seen from outside; must not contain the camera
-    room_texel_m, box_texel_m : size of a texture element on the surfaces
-    """
-
-    room: Box
-    boxes: tuple[Box, ...]
+    room: Box  # its walls, floor and ceiling are seen from inside
+    boxes: tuple[Box, ...]  # seen from outside; must not contain the camera
+    # Size of a texture element on the surfaces.
     room_texel_m: float
     box_texel_m: float
 

@@ -35,21 +35,13 @@ class TextureAtlas:
     A point with in-face coordinates (a, b), metres from the face's low corner along its two
     axes in the order x, y, z, has the texel coordinates ``(a, b) / texel_m + offset`` on
     level 0, and on level k ``((.) + 0.5) / 2^k - 0.5 + level_offset[k]``.
-
-    Attributes
-    ----------
-    image : (H, W) uint8
-    texel_m : (faces,) size of a texel, metres
-    origin_m : (faces, 2) in-face coordinates of the low corner in W, metres
-    offset : (faces, 2) texels (horizontal, vertical) of the low corner on level 0
-    level_offset : (N_LEVELS, 2) texels
     """
 
-    image: NDArray[np.uint8]
-    texel_m: Array
-    origin_m: Array
-    offset: Array
-    level_offset: Array
+    image: NDArray[np.uint8]  # (H, W) uint8
+    texel_m: Array  # (faces,) size of a texel, metres
+    origin_m: Array  # (faces, 2) in-face coordinates of the low corner in W, metres
+    offset: Array  # (faces, 2) texels (horizontal, vertical) of the low corner on level 0
+    level_offset: Array  # (N_LEVELS, 2) texels
 
 
 def face_axes(axis: int) -> tuple[int, int]:

@@ -26,29 +26,22 @@ class Read:
 
 @dataclass(frozen=True)
 class Artefact:
-    """A command that makes a table or draws figures.
+    """A command that makes a table or draws figures."""
 
-    Attributes
-    ----------
-    name, command : of the rule; module of vigauge_paper.commands
-    shows : keys of its table or figures, by the flag of the file
-    reads, settings : what goes behind further flags
-    published : files of the paper's numbers, none where they are not shown
-    by_folder : whether the command wants their folder, not the file
-    source : of the sequences shown, or empty
-    numbers : keys of figures whose numbers it reads, by flag
-    aside : a table that is made only when asked for, by flag; shown where someone has
-    """
-
+    # Of the rule; module of vigauge_paper.commands.
     name: str
     command: str
-    shows: Mapping[str, str]
+    shows: Mapping[str, str]  # keys of its table or figures, by the flag of the file
+    # What goes behind further flags.
     reads: Mapping[str, Read]
     settings: Mapping[str, Any] = field(default_factory=dict)
-    published: tuple[str, ...] = ()
-    by_folder: bool = True
-    source: str = ""
-    numbers: Mapping[str, str] = field(default_factory=dict)
+    published: tuple[str, ...] = ()  # files of the paper's numbers, none where they are not shown
+    by_folder: bool = True  # whether the command wants their folder, not the file
+    source: str = ""  # of the sequences shown, or empty
+    numbers: Mapping[str, str] = field(
+        default_factory=dict
+    )  # keys of figures whose numbers it reads, by flag
+    # A table that is made only when asked for, by flag; shown where someone has.
     aside: Mapping[str, str] = field(default_factory=dict)
 
     @property

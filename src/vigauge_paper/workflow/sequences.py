@@ -23,27 +23,21 @@ Entry = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Sequences:
-    """Sequences by the names under which results are kept; a stand-in never has EuRoC's.
+    """Sequences by the names under which results are kept; a stand-in never has EuRoC's."""
 
-    Attributes
-    ----------
-    root : folder that holds EuRoC's sequences; empty where stand-ins are rendered
-    entries : of sequences, windows and changed sequences: folder, ground truths, front-end, noise
-    names, windows : the sequences themselves; parts of them
-    spread : each sequence, first itself, with its harmless changes
-    no_truth : each sequence, first itself, with its forms that take nothing from a ground truth
-    machine_hall, vicon_room : those in the place of the paper's MH1 and VI1
-    published_names : what the paper calls those that are its own; a stand-in is none of them
-    """
-
-    root: str
+    root: str  # folder that holds EuRoC's sequences; empty where stand-ins are rendered
+    # Of sequences, windows and changed sequences: folder, ground truths, front-end, noise.
     entries: Mapping[str, Entry]
+    # The sequences themselves; parts of them.
     names: tuple[str, ...]
     windows: tuple[str, ...]
-    spread: Mapping[str, list[str]]
+    spread: Mapping[str, list[str]]  # each sequence, first itself, with its harmless changes
+    # Each sequence, first itself, with its forms that take nothing from a ground truth.
     no_truth: Mapping[str, list[str]]
+    # Those in the place of the paper's MH1 and VI1.
     machine_hall: str
     vicon_room: str
+    # What the paper calls those that are its own; a stand-in is none of them.
     published_names: Mapping[str, str]
 
     @classmethod

@@ -27,27 +27,17 @@ LARGEST_GAP_NS = 55_000_000
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """States of the body in the world frame of the truth, which may differ from a map's.
+    """States of the body in the world frame of the truth, which may differ from a map's."""
 
-    Attributes
-    ----------
-    t_ns : (M,) int64, strictly increasing
-    p_W : (M, 3) m
-    R_WB : (M, 3, 3)
-    v_W : (M, 3) m/s, or None where the file has poses only
-    gyro_bias, accel_bias : (M, 3) rad/s and m/s^2, or None
-    source : the file, for messages
-    n_unsorted : rows that were out of order and have been sorted
-    """
-
-    t_ns: NDArray[np.int64]
-    p_W: Array
-    R_WB: Array
-    v_W: Array | None = None
+    t_ns: NDArray[np.int64]  # (M,) int64, strictly increasing
+    p_W: Array  # (M, 3) m
+    R_WB: Array  # (M, 3, 3)
+    v_W: Array | None = None  # (M, 3) m/s, or None where the file has poses only
+    # (M, 3) rad/s and m/s^2, or None.
     gyro_bias: Array | None = None
     accel_bias: Array | None = None
-    source: str = "ground truth"
-    n_unsorted: int = 0
+    source: str = "ground truth"  # the file, for messages
+    n_unsorted: int = 0  # rows that were out of order and have been sorted
 
     def nearest(self, t_ns: ArrayLike, max_distance_ns: int = 1_000_000) -> NDArray[np.intp]:
         """Index of the state nearest each stamp: published stamps of one instant may differ by 256 ns.

@@ -45,20 +45,12 @@ _INTRINSICS = ("accelerometers", "gyroscopes")
 
 @dataclass(frozen=True)
 class CameraChain:
-    """What a camchain says of cam0 and cam1.
+    """What a camchain says of cam0 and cam1."""
 
-    Attributes
-    ----------
-    descriptions : the ``sensor.yaml`` of each
-    shifts_ns : what to add to the stamps of each
-    topics : ``rostopic`` of each, or None
-    notes : sentences on what is not used as it stands
-    """
-
-    descriptions: tuple[dict[str, Any], dict[str, Any]]
-    shifts_ns: tuple[int, int]
-    topics: tuple[object, object]
-    notes: tuple[str, ...]
+    descriptions: tuple[dict[str, Any], dict[str, Any]]  # the ``sensor.yaml`` of each
+    shifts_ns: tuple[int, int]  # what to add to the stamps of each
+    topics: tuple[object, object]  # ``rostopic`` of each, or None
+    notes: tuple[str, ...]  # sentences on what is not used as it stands
 
 
 def camera_chain(camchain: Path) -> CameraChain:

@@ -26,21 +26,15 @@ _LARGEST_RATE_RADPS = 40.0
 
 @dataclass(frozen=True)
 class StereoFrames:
-    """Image files of both cameras, or of the one that there is.
+    """Image files of both cameras, or of the one that there is."""
 
-    Attributes
-    ----------
-    t_ns : (F,) int64 stamps of the left camera, strictly increasing
-    left, right : F paths each; ``right`` is empty where there is one camera
-    dropped_ns : (D,) int64 stamps of left frames without a right one, which are not in the lists
-    n_unsorted : rows of both lists that were out of order and have been sorted
-    """
-
-    t_ns: NDArray[np.int64]
+    t_ns: NDArray[np.int64]  # (F,) int64 stamps of the left camera, strictly increasing
+    # F paths each; ``right`` is empty where there is one camera.
     left: tuple[Path, ...]
     right: tuple[Path, ...]
+    # (D,) int64 stamps of left frames without a right one, which are not in the lists.
     dropped_ns: NDArray[np.int64]
-    n_unsorted: int = 0
+    n_unsorted: int = 0  # rows of both lists that were out of order and have been sorted
 
     @property
     def n_dropped(self) -> int:
@@ -50,28 +44,16 @@ class StereoFrames:
 
 @dataclass(frozen=True)
 class Sequence:
-    """One sequence: calibration and data, images by path.
+    """One sequence: calibration and data, images by path."""
 
-    Attributes
-    ----------
-    name : name of the folder
-    folder : the folder that contains ``mav0``
-    cameras : left and right, or the only one
-    frames : image files
-    imu : samples as recorded, biases in
-    imu_noise : densities as published in ``imu0/sensor.yaml``
-    n_repeated_imu : identical repeated inertial rows that were left out
-    n_unsorted_imu : inertial rows that were out of order and have been sorted
-    """
-
-    name: str
-    folder: Path
-    cameras: tuple[Camera, ...]
-    frames: StereoFrames
-    imu: ImuSamples
-    imu_noise: ImuNoise
-    n_repeated_imu: int = 0
-    n_unsorted_imu: int = 0
+    name: str  # name of the folder
+    folder: Path  # the folder that contains ``mav0``
+    cameras: tuple[Camera, ...]  # left and right, or the only one
+    frames: StereoFrames  # image files
+    imu: ImuSamples  # samples as recorded, biases in
+    imu_noise: ImuNoise  # densities as published in ``imu0/sensor.yaml``
+    n_repeated_imu: int = 0  # identical repeated inertial rows that were left out
+    n_unsorted_imu: int = 0  # inertial rows that were out of order and have been sorted
 
 
 def read_sequence(folder: Path, *, sort: bool = False) -> Sequence:

@@ -36,26 +36,15 @@ _UNITS = (("s", 1), ("ms", 10**3), ("us", 10**6))
 
 @dataclass(frozen=True)
 class Table:
-    """The rows of one file, in order of time.
+    """The rows of one file, in order of time."""
 
-    Attributes
-    ----------
-    path : the file, for messages
-    columns : names from the header, without ``#``; empty where there is no header
-    lines : (M,) 1-based line of the file each row came from
-    t_ns : (M,) int64 stamps, strictly increasing
-    fields : the text of the columns after the stamp, one tuple a row
-    n_repeated : rows left out because they repeat the row before them letter by letter
-    n_unsorted : rows of the file with an earlier stamp than the row before them
-    """
-
-    path: Path
-    columns: tuple[str, ...]
-    lines: NDArray[np.int64]
-    t_ns: NDArray[np.int64]
-    fields: tuple[tuple[str, ...], ...]
-    n_repeated: int
-    n_unsorted: int = 0
+    path: Path  # the file, for messages
+    columns: tuple[str, ...]  # names from the header, without ``#``; empty where there is no header
+    lines: NDArray[np.int64]  # (M,) 1-based line of the file each row came from
+    t_ns: NDArray[np.int64]  # (M,) int64 stamps, strictly increasing
+    fields: tuple[tuple[str, ...], ...]  # the text of the columns after the stamp, one tuple a row
+    n_repeated: int  # rows left out because they repeat the row before them letter by letter
+    n_unsorted: int = 0  # rows of the file with an earlier stamp than the row before them
 
     def numbers(self) -> Array:
         """(M, columns - 1) finite numbers after the stamp; DataError names line and column."""

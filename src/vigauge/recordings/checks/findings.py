@@ -21,20 +21,13 @@ class Finding:
 
 @dataclass
 class Findings:
-    """Everything that was found about one sequence.
+    """Everything that was found about one sequence."""
 
-    Attributes
-    ----------
-    sequence : name of its folder
-    facts : measured numbers by topic; None where something could not be measured
-    found : warnings and errors in the order of the checks
-    skipped : checks that could not be made, and why
-    """
-
-    sequence: str
+    sequence: str  # name of its folder
+    # Measured numbers by topic; None where something could not be measured.
     facts: dict[str, Any] = field(default_factory=dict)
-    found: list[Finding] = field(default_factory=list)
-    skipped: dict[str, str] = field(default_factory=dict)
+    found: list[Finding] = field(default_factory=list)  # warnings and errors in the order of the checks
+    skipped: dict[str, str] = field(default_factory=dict)  # checks that could not be made, and why
 
     def error(self, check: str, message: str) -> None:
         """The sequence cannot be used as it is."""

@@ -34,19 +34,13 @@ _COARSE_STEP_S, _REWEIGHTINGS, _FLOOR_RAD = 0.02, 12, 1e-4
 
 @dataclass(frozen=True)
 class Turns:
-    """Rotations over P intervals.
+    """Rotations over P intervals."""
 
-    Attributes
-    ----------
-    first_ns, second_ns : (P,) int64 ends of the intervals by the clock of the sensor S
-    phi_S : (P, 3) rotation vector of R_S1S2, rad
-    R_BS : (3, 3) axes of the sensor in the body frame, as calibrated
-    """
-
+    # (P,) int64 ends of the intervals by the clock of the sensor S.
     first_ns: NDArray[np.int64]
     second_ns: NDArray[np.int64]
-    phi_S: Array
-    R_BS: Array
+    phi_S: Array  # (P, 3) rotation vector of R_S1S2, rad
+    R_BS: Array  # (3, 3) axes of the sensor in the body frame, as calibrated
 
     def where(self, keep: NDArray[np.bool_]) -> Turns:
         """Only the intervals ``keep`` (P,)."""
@@ -89,29 +83,18 @@ class GyroRotation:
 
 @dataclass(frozen=True)
 class TurnFit:
-    """What the comparison says.
+    """What the comparison says."""
 
-    Attributes
-    ----------
-    n_turns : intervals used; wrong ones are left out
-    offset_s : t_gyro = t_sensor + offset
-    offset_sigma_s : its standard deviation; large where the motion does not tell
-    scale : size of the gyroscope's turns relative to the sensor's, 1 if both are in radians
-    axes_deg : angle between the sensor's axes as calibrated and as its turns say; NaN where
-        it turns about one axis only
-    gyro_bias : (3,) rad/s, the mean over the record
-    rms_rad : residual with the calibrated axes, scale 1, the offset and the bias above
-    free_rms_rad : residual with the axes and scale of the fit
-    """
-
-    n_turns: int
-    offset_s: float
-    offset_sigma_s: float
-    scale: float
+    n_turns: int  # intervals used; wrong ones are left out
+    offset_s: float  # t_gyro = t_sensor + offset
+    offset_sigma_s: float  # its standard deviation; large where the motion does not tell
+    scale: float  # size of the gyroscope's turns relative to the sensor's, 1 if both are in radians
+    # Angle between the sensor's axes as calibrated and as its turns say; NaN where it turns about one axis
+    # only.
     axes_deg: float
-    gyro_bias: Array
-    rms_rad: float
-    free_rms_rad: float
+    gyro_bias: Array  # (3,) rad/s, the mean over the record
+    rms_rad: float  # residual with the calibrated axes, scale 1, the offset and the bias above
+    free_rms_rad: float  # residual with the axes and scale of the fit
 
 
 def compare_turns(gyro: GyroRotation, turns: Turns) -> TurnFit | None:

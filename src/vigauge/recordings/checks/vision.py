@@ -48,35 +48,24 @@ class Effort:
 
 @dataclass(frozen=True)
 class StereoSample:
-    """Medians over some stereo frames.
+    """Medians over some stereo frames."""
 
-    Attributes
-    ----------
-    frames : frames looked at
-    features : features of the left image
-    matches : of them matched to the right image by look alone, whatever the calibration says
-    epipolar_px : distance of these matches from their epipolar lines; NaN without matches
-    disparity_px : rectified disparity of those near their line, which is positive in front
-        of the cameras; NaN without any
-    grey_left, grey_right : mean grey level of 0..255; NaN right where there is one camera
-    contrast : standard deviation of the grey levels of the left image
-    clipped : share of pixels of either image that are black or white
-    frame_ns, frame_epipolar_px : (frames,) the stamp of each and the median distance of its own matches; NaN
-        where it has too few
-    slips : frames whose matches fit another frame of cam1: stamp, and by how many frames that one is later
-    """
-
-    frames: int
-    features: float
-    matches: float
-    epipolar_px: float
+    frames: int  # frames looked at
+    features: float  # features of the left image
+    matches: float  # of them matched to the right image by look alone, whatever the calibration says
+    epipolar_px: float  # distance of these matches from their epipolar lines; NaN without matches
+    # Rectified disparity of those near their line, which is positive in front of the cameras; NaN without
+    # any.
     disparity_px: float
+    # Mean grey level of 0..255; NaN right where there is one camera.
     grey_left: float
     grey_right: float
-    contrast: float
-    clipped: float
+    contrast: float  # standard deviation of the grey levels of the left image
+    clipped: float  # share of pixels of either image that are black or white
+    # (frames,) the stamp of each and the median distance of its own matches; NaN where it has too few.
     frame_ns: NDArray[np.int64]
     frame_epipolar_px: Array
+    # Frames whose matches fit another frame of cam1: stamp, and by how many frames that one is later.
     slips: tuple[tuple[int, int], ...] = ()
 
     @property

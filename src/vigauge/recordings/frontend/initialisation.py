@@ -26,20 +26,14 @@ _REFINEMENTS = 5
 
 @dataclass(frozen=True)
 class GravityAlignment:
-    """Result of :func:`align_with_gravity`.
+    """Result of :func:`align_with_gravity`."""
 
-    Attributes
-    ----------
-    R_WM : (3, 3) turns the map upright: its first body's roll and pitch are those that gravity
-        tells, its yaw in W is that of the least turn
-    v_M : (N, 3) velocities in the map, m/s
-    free_gravity : length of gravity, m/s^2, where it is not forced to the known magnitude
-    rms_position_m, rms_velocity_mps : of what the equations leave over
-    """
-
+    # (3, 3) turns the map upright: its first body's roll and pitch are those that gravity tells, its yaw in W
+    # is that of the least turn.
     R_WM: Array
-    v_M: Array
-    free_gravity: float
+    v_M: Array  # (N, 3) velocities in the map, m/s
+    free_gravity: float  # length of gravity, m/s^2, where it is not forced to the known magnitude
+    # Of what the equations leave over.
     rms_position_m: float
     rms_velocity_mps: float
 

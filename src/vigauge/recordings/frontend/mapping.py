@@ -23,23 +23,17 @@ from .triangulation import triangulate
 
 @dataclass(frozen=True)
 class Map:
-    """Poses by PnP and what they left of the tracks.
+    """Poses by PnP and what they left of the tracks."""
 
-    Attributes
-    ----------
-    p_M, R_MB : (N, 3) m, (N, 3, 3) body poses
-    tracks : the observations without those that PnP refused
-    tried, inliers : (N,) points of the map seen at each keyframe, and those that agreed; the
-        first keyframe defines the map and has none
-    n_refused : observations that PnP refused
-    """
-
+    # (N, 3) m, (N, 3, 3) body poses.
     p_M: Array
     R_MB: Array
-    tracks: Tracks
+    tracks: Tracks  # the observations without those that PnP refused
+    # (N,) points of the map seen at each keyframe, and those that agreed; the first keyframe defines the map
+    # and has none.
     tried: Index
     inliers: Index
-    n_refused: int
+    n_refused: int  # observations that PnP refused
 
 
 def pose_keyframes(

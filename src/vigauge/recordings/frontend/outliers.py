@@ -19,22 +19,14 @@ from .settings import OutlierSettings
 
 @dataclass(frozen=True)
 class Inliers:
-    """What stays, and the errors that said so.
+    """What stays, and the errors that said so."""
 
-    Attributes
-    ----------
-    observation : (M,) which observations of the problem stay
-    error_before_px, error_after_px : (M',) lengths of the reprojection errors of those that
-        stay, at the start and at the solution
-    state : the solution of the last round, all landmarks of the problem in it
-    rounds : rounds of solving
-    """
-
-    observation: NDArray[np.bool_]
+    observation: NDArray[np.bool_]  # (M,) which observations of the problem stay
+    # (M',) lengths of the reprojection errors of those that stay, at the start and at the solution.
     error_before_px: Array
     error_after_px: Array
-    state: State
-    rounds: int
+    state: State  # the solution of the last round, all landmarks of the problem in it
+    rounds: int  # rounds of solving
 
 
 def reprojection_px(problem: Problem, state: State) -> Array:

@@ -17,20 +17,14 @@ LEFT, RIGHT = 0, 1
 
 @dataclass(frozen=True)
 class Tracks:
-    """M observations of tracks.
+    """M observations of tracks."""
 
-    Attributes
-    ----------
-    keyframe, camera, track : (M,) indices; a track has at most one observation a keyframe and camera
-    uv : (M, 2) ideal (undistorted) pixels
-    n_tracks : tracks are numbered 0..n_tracks - 1; some may have no observation left
-    """
-
+    # (M,) indices; a track has at most one observation a keyframe and camera.
     keyframe: Index
     camera: Index
     track: Index
-    uv: Array
-    n_tracks: int
+    uv: Array  # (M, 2) ideal (undistorted) pixels
+    n_tracks: int  # tracks are numbered 0..n_tracks - 1; some may have no observation left
 
     def where(self, keep: NDArray[np.bool_]) -> Tracks:
         """The observations where ``keep`` (M,) holds; track numbers stay."""
