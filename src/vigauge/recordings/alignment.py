@@ -141,14 +141,9 @@ def align(
         residuals tell
     largest_gap_s : as :func:`vigauge.preintegrate`
 
-    Raises
-    ------
-    DataError
-        for input of the wrong shape, fewer than three keyframes, samples that do not cover them.
-    DegenerateError
-        where the motion does not tell the scale.
-    VigaugeError
-        where poses and samples do not belong together: gravity comes out nowhere near its length.
+    Raises DataError for input of the wrong shape, fewer than three keyframes, samples that do not cover them.
+    DegenerateError where the motion does not tell the scale. VigaugeError where poses and samples do not
+    belong together: gravity comes out nowhere near its length.
     """
     window = _Window.of(p_M, R_MB, samples, t_ns, noise, gravity, p_B, accel_bias_sigma, largest_gap_s)
     guess = (_STEP_SHARE * window.median_step or _STEP_M, _STEP_RAD) if scale else (_STEP_M, _STEP_RAD)

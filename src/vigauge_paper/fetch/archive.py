@@ -106,11 +106,8 @@ def extract_sequence(
     ``mav0`` lies at the top of the zip or in a folder of the sequence's name. Names and sizes
     are checked before the first file is written.
 
-    Raises
-    ------
-    FetchError
-        for names that lead out of the folder, links and other special files, more than
-        ``largest`` bytes, no ``mav0``, and members that are damaged or cannot be unpacked
+    Raises FetchError for names that lead out of the folder, links and other special files, more than
+    ``largest`` bytes, no ``mav0``, and members that are damaged or cannot be unpacked.
     """
     with open_zip(path, source) as archive:
         members = archive.infolist()

@@ -52,12 +52,8 @@ def fetch_sequence(
     server supports range requests, only the sequence's zip is downloaded out of a bundle;
     if not, the whole bundle is, and it stays for other sequences.
 
-    Raises
-    ------
-    FetchError
-        where no source gives the sequence, with the reason of each; where the disk is too small
-    DataError
-        where the folder exists already (it is never replaced) or the table has no such row
+    Raises FetchError where no source gives the sequence, with the reason of each; where the disk is too
+    small. DataError where the folder exists already (it is never replaced) or the table has no such row.
     """
     rows = sources_of(sources, sequence, table)
     target = root / sequence

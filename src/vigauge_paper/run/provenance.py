@@ -102,13 +102,9 @@ def made_with(stamps: Sequence[Path], stamp: Path, name: str) -> bool:
 def require_coherent(paths: Sequence[Path]) -> dict[Path, Stamp]:
     """The stamps of results and of all that they were made from, if they belong together.
 
-    Raises
-    ------
-    MixtureError
-        where a result was changed after it was stamped, where its inputs were made anew, or where
-        two were made under different configuration, code or packages
-    DataError
-        where a stamp is missing or unreadable
+    Raises MixtureError where a result was changed after it was stamped, where its inputs were made anew, or
+    where two were made under different configuration, code or packages. DataError where a stamp is missing or
+    unreadable.
     """
     stamps: dict[Path, Stamp] = {}
     for path in paths:

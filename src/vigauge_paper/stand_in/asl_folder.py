@@ -58,10 +58,7 @@ def write_asl_folder(
     Images go to a folder beside, which takes its name when all is written; ``rendered.json``
     comes last, so its presence says that the sequence is whole. An earlier rendering is replaced.
 
-    Raises
-    ------
-    DataError
-        where the folder holds a sequence that was not rendered: real data are never replaced.
+    Raises DataError where the folder holds a sequence that was not rendered: real data are never replaced.
     """
     folder.mkdir(parents=True, exist_ok=True)
     about = folder / "rendered.json"

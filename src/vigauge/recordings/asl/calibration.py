@@ -68,10 +68,7 @@ def read_camera(path: Path) -> Camera:
 def read_imu_noise(path: Path) -> ImuNoise:
     """Noise as published in ``imu0/sensor.yaml``: densities, and the biases' random walks, 0 where not given.
 
-    Raises
-    ------
-    DataError
-        also where ``T_BS`` is not the identity: the body frame is the inertial sensor's.
+    Raises DataError also where ``T_BS`` is not the identity: the body frame is the inertial sensor's.
     """
     content = read_sensor_yaml(path)
     R_BS, p_BS = _rigid_transform(path, content)

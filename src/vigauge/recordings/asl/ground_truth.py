@@ -73,11 +73,8 @@ class GroundTruth:
         meets positions and velocities, velocities the straight line, rotations the great circle (SLERP).
         Where the truth has poses only, velocities are derived (:func:`derived_velocity`).
 
-        Raises
-        ------
-        DataError
-            where the truth has no states near enough (:meth:`serves`) or, of poses only, none that a
-            velocity can be derived at.
+        Raises DataError where the truth has no states near enough (:meth:`serves`) or, of poses only, none
+        that a velocity can be derived at.
         """
         if self.v_W is None:
             return self._with_derived_velocities().states_at(t_ns)

@@ -29,11 +29,8 @@ def read_image(path: Path, camera: Camera) -> NDArray[np.uint8]:
 
     A 16-bit image without any value in its upper 8 bits is refused: it holds values of 8 bits.
 
-    Raises
-    ------
-    DataError
-        for a file that is missing, empty, cut short or neither PNG nor JPEG, and for an image
-        that is not grey of 8 or 16 bits or not of the camera's size. The size is checked before decoding.
+    Raises DataError for a file that is missing, empty, cut short or neither PNG nor JPEG, and for an image
+    that is not grey of 8 or 16 bits or not of the camera's size. The size is checked before decoding.
     """
     if not path.is_file():
         raise DataError(path, "image file must exist")

@@ -52,10 +52,7 @@ def read_plain_yaml(path: Path) -> Any:
     Some copies of sensor files begin with ``%YAML:1.0``, which OpenCV writes and YAML
     itself forbids; that line is skipped.
 
-    Raises
-    ------
-    DataError
-        for a file that is missing, no YAML, or YAML with anchors, aliases, tags or deep nesting
+    Raises DataError for a file that is missing, no YAML, or YAML with anchors, aliases, tags or deep nesting.
     """
     if not path.is_file():
         raise DataError(path, "file must exist")

@@ -62,10 +62,7 @@ def read_sequence(folder: Path, *, sort: bool = False) -> Sequence:
     A recording without a folder ``cam1`` is one of one camera. ``sort`` puts rows of ``data.csv`` files in
     order of time; without it, rows out of order are an error.
 
-    Raises
-    ------
-    DataError
-        for a missing folder or file, and for whatever is wrong in one of them.
+    Raises DataError for a missing folder or file, and for whatever is wrong in one of them.
     """
     folder = Path(folder)
     mav = folder / "mav0"

@@ -87,11 +87,8 @@ def read_table(
     rows in order of their stamps and counts those that were not; without it they are an error.
     ``fastest_ns`` is the least spacing of stamps that can be nanoseconds.
 
-    Raises
-    ------
-    DataError
-        for a file that is missing, not text, or without rows; a row of another width than
-        the first; a stamp that is no integer, not in nanoseconds, repeated or out of order.
+    Raises DataError for a file that is missing, not text, or without rows; a row of another width than the
+    first; a stamp that is no integer, not in nanoseconds, repeated or out of order.
     """
     columns, rows = _split(path)
     if not rows:

@@ -86,14 +86,9 @@ def build_problem(
         ``settings.biases`` is "aligned" or "estimated"
     progress : show a bar on standard error, where that is a terminal
 
-    Raises
-    ------
-    DataError
-        for input that cannot be used: too few frames, points or inliers, inertial samples
-        or biases that do not cover the window, a frozen camera, a broken image, no truth where biases are
-        to come from it.
-    VigaugeError
-        where alignment or the outlier rounds fail.
+    Raises DataError for input that cannot be used: too few frames, points or inliers, inertial samples or
+    biases that do not cover the window, a frozen camera, a broken image, no truth where biases are to come
+    from it. VigaugeError where alignment or the outlier rounds fail.
     """
     sequence, keyframes, skipped = choose_frames(sequence, settings)
     t_ns = sequence.frames.t_ns[keyframes]

@@ -31,10 +31,7 @@ def choose_frames(
     Of the frames that the tracker looks at, those without contrast in either camera (covered,
     dark, blinded) are left out, and keyframes are chosen anew among the others.
 
-    Raises
-    ------
-    DataError
-        where more frames would have to be skipped than the settings allow, or too few are left.
+    Raises DataError where more frames would have to be skipped than the settings allow, or too few are left.
     """
     frames = sequence.frames
     usable = np.ones(len(frames.t_ns), dtype=bool)

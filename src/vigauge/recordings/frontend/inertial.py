@@ -28,10 +28,7 @@ class KnownBiases:
     mode : "per_interval": of the row nearest the middle of an interval; "constant": of the
         row nearest ``first_ns``, for all
 
-    Raises
-    ------
-    DataError
-        where the truth has no biases or does not reach ``first_ns``.
+    Raises DataError where the truth has no biases or does not reach ``first_ns``.
     """
 
     def __init__(self, truth: GroundTruth, mode: str, first_ns: int) -> None:

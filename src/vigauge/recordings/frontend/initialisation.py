@@ -48,11 +48,8 @@ def align_with_gravity(p_M: Array, R_MB: Array, factors: InertialFactors, gravit
     ----------
     p_M, R_MB : (N, 3) m and (N, 3, 3) body poses in the map
 
-    Raises
-    ------
-    VigaugeError
-        where the free solution is nowhere near gravity (poses, units, extrinsics or the sign
-        convention are wrong).
+    Raises VigaugeError where the free solution is nowhere near gravity (poses, units, extrinsics or the sign
+    convention are wrong).
     """
     A, b, sigma = _equations(p_M, R_MB, factors)
     free = np.linalg.lstsq(A / sigma[:, None], b / sigma, rcond=None)[0]

@@ -19,10 +19,7 @@ def select_keyframes(t_ns: NDArray[np.int64], settings: KeyframeSettings) -> NDA
     gaps as even as the stamps allow; with a spacing, each frame that lies at least that
     long after the keyframe before it.
 
-    Raises
-    ------
-    DataError
-        where the window holds fewer frames than keyframes are asked for, or fewer than two.
+    Raises DataError where the window holds fewer frames than keyframes are asked for, or fewer than two.
     """
     time = (t_ns - (settings.window_origin_ns or t_ns[0])) * 1e-9
     window = np.flatnonzero((time >= settings.window_start_s) & (time <= settings.window_end_s))

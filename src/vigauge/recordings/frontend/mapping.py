@@ -53,10 +53,7 @@ def pose_keyframes(
     towards the start. ``start`` are (p_M, R_MB) of keyframes that are posed already; None: the first, at
     the origin.
 
-    Raises
-    ------
-    DataError
-        where a keyframe sees too few points of the map or too few of them agree on a pose.
+    Raises DataError where a keyframe sees too few points of the map or too few of them agree on a pose.
     """
     p_M, R_MB = np.zeros((n_keyframes, 3)), np.tile(np.eye(3), (n_keyframes, 1, 1))
     tried, inliers = np.zeros(n_keyframes, dtype=np.int64), np.zeros(n_keyframes, dtype=np.int64)

@@ -43,10 +43,8 @@ def pose_up_to_scale(
     ``Map.p_M`` are positions of the camera, not of the body: the lever between them is in metres. The first
     keyframe is at the origin with ``R_MB`` the identity.
 
-    Raises
-    ------
-    DataError
-        where no two keyframes see enough points from places far enough apart, or one cannot be posed.
+    Raises DataError where no two keyframes see enough points from places far enough apart, or one cannot be
+    posed.
     """
     at_camera = replace(camera, p_BC=np.zeros(3))
     loose = replace(triangulation, least_depth_m=_LEAST_DEPTH, largest_depth_m=_LARGEST_DEPTH)

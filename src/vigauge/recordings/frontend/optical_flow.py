@@ -221,10 +221,7 @@ def track_by_flow(
     keyframes : (N,) indices of the keyframes among them
     dR_B : (F - 1, 3, 3) R_B0B1 between each frame and the next
 
-    Raises
-    ------
-    DataError
-        where two successive images are the same to the last bit: the camera was frozen.
+    Raises DataError where two successive images are the same to the last bit: the camera was frozen.
     """
     tracker = FlowTracker(geometry, flow, stereo)
     number = {int(frame): n for n, frame in enumerate(keyframes)}

@@ -41,10 +41,7 @@ def find_inliers(problem: Problem, settings: OutlierSettings, keyframes_per_land
     landmark, and good ones beside it may look wrong until it is gone.
     A landmark that is left with fewer than ``keyframes_per_landmark`` keyframes loses all its observations.
 
-    Raises
-    ------
-    SolverError
-        where a round does not converge.
+    Raises SolverError where a round does not converge.
     """
     start = problem.initial
     problem = problem.with_noise(settings.sigma_px, settings.density_factor)

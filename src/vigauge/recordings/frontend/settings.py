@@ -167,10 +167,8 @@ class FrontEndSettings:
     def from_mapping(cls, mapping: Mapping[str, Any], source: str = _SOURCE) -> FrontEndSettings:
         """Settings from nested mappings (JSON or YAML); what is left out keeps its default.
 
-        Raises
-        ------
-        ConfigError
-            naming ``source`` and the key that is unknown, missing, of the wrong type or out of range.
+        Raises ConfigError naming ``source`` and the key that is unknown, missing, of the wrong type or out of
+        range.
         """
         settings = _from_mapping(cls, mapping, source, "")
         window = settings.keyframes
