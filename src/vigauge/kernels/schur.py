@@ -57,6 +57,7 @@ def _factorise(
     order: Index,
     landmark: Array,
     damping: Array,
+    motion: int,
     gradient: Array,
     lanes: int,
     s: Array,
@@ -66,13 +67,14 @@ def _factorise(
 
     Not positive where a block has no factor (F is then meaningless), a rounding error where it is singular.
     """
+    damped = len(damping) > 0
     for i in range(lanes):
         j = order[min(first + i, last)]
         s[_C + i], s[_C + L + i], s[_C + 2 * L + i] = landmark[j, 0, 0], landmark[j, 1, 0], landmark[j, 2, 0]
         s[_C + 3 * L + i], s[_C + 4 * L + i] = landmark[j, 1, 1], landmark[j, 2, 1]
         s[_C + 5 * L + i] = landmark[j, 2, 2]
         for a in range(3):
-            s[_C + (6 + a) * L + i] = damping[j, a]
+            s[_C + (6 + a) * L + i] = damping[motion + 3 * j + a] if damped else 0.0
             s[_C + (9 + a) * L + i] = gradient[j, a]
     for i in range(lanes):
         d0 = s[_C + i] + s[_C + 6 * L + i]
@@ -226,8 +228,8 @@ def eliminate(
 ) -> float:
     """Take the landmarks of a range of groups out of the motion block and its gradient (9N,).
 
-    ``damping`` (K, 3) is added to the diagonals of ``landmark`` (K, 3, 3). Fills ``factor``
-    (B, 6 L), the lower triangle by columns, and ``half_gradient`` (B, 3 L), see
+    ``damping`` (9N + 3K,), which may be empty, is added to the diagonals of ``landmark`` (K, 3, 3).
+    Fills ``factor`` (B, 6 L), the lower triangle by columns, and ``half_gradient`` (B, 3 L), see
     :func:`_factorise`, and returns its number. Entry (r, c) of the stored lower triangle is
     ``storage[c * stride + r - base]``.
     """
@@ -245,7 +247,9 @@ def eliminate(
         for b in range(group_batch[g], group_batch[g + 1]):
             begin, last = batch_begin[b], batch_begin[b + 1] - 1
             gather_points(begin, last, order, X_W, lanes, s)
-            found = _factorise(begin, last, order, landmark, damping, landmark_gradient, lanes, s)
+            found = _factorise(
+                begin, last, order, landmark, damping, len(gradient), landmark_gradient, lanes, s
+            )
             smallest = min(smallest, found)
             for i in range(6 * lanes):
                 factor[b, i] = s[_F + i]

@@ -77,16 +77,11 @@ def add_factor(
 
 
 @part
-def add_gradient(gradient: Array, at: Index, jacobian: Array, residual: Array) -> None:
-    """Add J^T r at distinct entries of a gradient."""
+def add_diagonal_and_gradient(
+    diagonal: Array, gradient: Array, at: Index, jacobian: Array, residual: Array
+) -> None:
+    """Add the diagonal of J^T J, and J^T r, at distinct entries."""
     for i in range(len(at)):
         for m in range(len(residual)):
-            gradient[at[i]] += jacobian[m, i] * residual[m]
-
-
-@part
-def add_squares(diagonal: Array, at: Index, jacobian: Array) -> None:
-    """Add the diagonal of J^T J at distinct entries of a diagonal."""
-    for i in range(len(at)):
-        for m in range(len(jacobian)):
             diagonal[at[i]] += jacobian[m, i] * jacobian[m, i]
+            gradient[at[i]] += jacobian[m, i] * residual[m]

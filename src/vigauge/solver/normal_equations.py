@@ -102,8 +102,9 @@ class NormalEquations:
             gradient,
         )
         for factor in self.total:
-            symmetric.add_gradient(gradient, factor.columns, factor.jacobian, factor.residual)
-            symmetric.add_squares(diagonal, factor.columns, factor.jacobian)
+            symmetric.add_diagonal_and_gradient(
+                diagonal, gradient, factor.columns, factor.jacobian, factor.residual
+            )
         return diagonal, gradient
 
     def _to_total(self, storage: Array, gradient: Array, damping: Array = _NONE) -> None:
@@ -150,17 +151,14 @@ class NormalEquations:
         """
         s, layout = self.structure, self.structure.layout
         storage, gradient = self.storage.copy(), self.motion_gradient.copy()
-        if damping is None:
-            landmark_damping: Array = np.zeros((s.n_landmarks, 3))
-        else:
-            landmark_damping = damping[layout.size :].reshape(-1, 3)
+        added = _NONE if damping is None else damping
         factor, half_gradient = np.empty((s.n_batches, 6 * LANES)), np.empty((s.n_batches, 3 * LANES))
 
         def take_out(piece: tuple[int, int], base: int, into: Array, gradient: Array) -> float:
             return schur.eliminate(
                 *self.couplings,
                 self.landmark,
-                landmark_damping,
+                added,
                 self.landmark_gradient,
                 *s.batches,
                 s.group_batch,
@@ -199,7 +197,7 @@ class NormalEquations:
             )
         if not regular > 0.0:
             raise SolverError("a landmark's block of H is not positive definite")
-        self._to_total(storage, gradient, _NONE if damping is None else damping)
+        self._to_total(storage, gradient, added)
         return ReducedSystem(s, storage, gradient, self.couplings, factor, half_gradient, self.chain)
 
     def dense(self) -> Array:

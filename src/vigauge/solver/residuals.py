@@ -52,8 +52,10 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(problem: Problem, state: State) -> Evaluation:
-    """The cost of Eq. (1), no residual kept. It is not finite where a landmark has depth zero."""
-    problem.initial.require_size(state)
+    """The cost of Eq. (1), no residual kept, of a state that has the problem's size.
+
+    It is not finite where a landmark has depth zero.
+    """
     cameras = problem.camera_arrays
     R_CW = np.empty((len(problem.cameras), state.n_keyframes, 3, 3))
     squares, lengths = visual_kernels.cost(
@@ -109,6 +111,7 @@ def inertial_residual(problem: Problem, state: State) -> Array:
 
 def cost(problem: Problem, state: State) -> float:
     """1/2 ||r||^2 over visual (through their loss) and inertial residuals: half of J(theta) of Eq. (1)."""
+    problem.initial.require_size(state)
     return evaluate(problem, state).cost
 
 
@@ -121,4 +124,5 @@ def down_weighted(problem: Problem, state: State) -> int:
 
 def mean_reprojection_px(problem: Problem, state: State) -> float:
     """Mean length of the reprojection error over all observations, pixels (Fig. 6); 0 without any."""
+    problem.initial.require_size(state)
     return evaluate(problem, state).mean_reprojection_px
