@@ -9,11 +9,17 @@ import argparse
 from pathlib import Path
 
 from vigauge.cli.command import LOG, parser, run
+from vigauge.recordings.asl.kalibr import camera_chain
 from vigauge.recordings.asl.rosbag import Topics, import_rosbag
+
+_RIGHT = "/cam1/image_raw"
 
 
 def work(options: argparse.Namespace) -> None:
-    topics = Topics(options.left, options.right, options.imu, options.truth)
+    right = options.right
+    if right is None and len(camera_chain(options.camchain).descriptions) == 2:
+        right = _RIGHT
+    topics = Topics(options.left, right, options.imu, options.truth)
     done = import_rosbag(
         options.bag,
         topics,
@@ -34,7 +40,9 @@ def main() -> None:
         "--bag", type=Path, required=True, help="bag: a file of ROS 1 or a folder of ROS 2"
     )
     arguments.add_argument("--left", default="/cam0/image_raw", help="topic of the left image")
-    arguments.add_argument("--right", default="/cam1/image_raw", help="topic of the right image")
+    arguments.add_argument(
+        "--right", help=f"topic of the right image; default: {_RIGHT}, or none where the camchain has no cam1"
+    )
     arguments.add_argument("--imu", default="/imu0", help="topic of the inertial sensor")
     arguments.add_argument("--truth", help="topic of the body's true poses")
     arguments.add_argument("--camchain", type=Path, required=True, help="Kalibr's camchain-imucam.yaml")

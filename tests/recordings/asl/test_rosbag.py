@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import yaml
 
+from support.bags import Messages, Row
 from vigauge.errors import DataError
 from vigauge.recordings.asl.calibration import read_camera
 from vigauge.recordings.asl.ground_truth import read_ground_truth
@@ -36,7 +38,11 @@ class WithoutAnchors(yaml.SafeDumper):
 
 
 def kalibr_files(
-    folder: Path, cam1: Mapping[str, Any] | None = None, imu: Mapping[str, Any] | None = None, **changes: Any
+    folder: Path,
+    cam1: Mapping[str, Any] | None = None,
+    imu: Mapping[str, Any] | None = None,
+    mono: bool = False,
+    **changes: Any,
 ) -> tuple[Path, Path]:
     """camchain and imu.yaml; body to camera as Kalibr has it: x_C = R x_B + (0.05, 0.02, 0.01)."""
     camera = {
@@ -49,10 +55,9 @@ def kalibr_files(
     }
     T_C0B = [[*R[0], 0.05], [*R[1], 0.02], [*R[2], 0.01], [0.0, 0.0, 0.0, 1.0]]
     T_C1C0 = [[1.0, 0.0, 0.0, -0.11], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-    chain = {
-        "cam0": camera | {"T_cam_imu": T_C0B} | changes,
-        "cam1": camera | {"T_cn_cnm1": T_C1C0} | dict(cam1 or {}),
-    }
+    chain = {"cam0": camera | {"T_cam_imu": T_C0B} | changes}
+    if not mono:
+        chain["cam1"] = camera | {"T_cn_cnm1": T_C1C0} | dict(cam1 or {})
     noise = {
         "gyroscope_noise_density": 1.7e-4,
         "gyroscope_random_walk": 2e-5,
@@ -71,7 +76,6 @@ def picture(k: int, camera: int) -> np.ndarray:
     return np.random.default_rng(10 * camera + k).integers(0, 256, (30, 40), dtype=np.uint8)
 
 
-Row = tuple[int, str, str, Any]
 Change = Callable[[list[Row], dict[str, Any]], list[Row]]
 
 
@@ -85,75 +89,24 @@ def write_bag(folder: Path, release: str = "ROS2_HUMBLE", change: Change = lambd
 
     ``change`` spoils the messages before they are written.
     """
-    pytest.importorskip("rosbags")
-    from rosbags import rosbag1, rosbag2
-    from rosbags.typesys import Stores, get_typestore
-
-    ros1 = release.startswith("ROS1")
-    store = get_typestore(Stores[release])
-    types = {name.rsplit("/", 1)[1]: kind for name, kind in store.types.items()}
-    types["Time"] = store.types["builtin_interfaces/msg/Time"]  # std_msgs of ROS 1 has another
-    number = iter(range(1000))
-
-    def header(t_ns: int) -> Any:
-        stamp = types["Time"](sec=t_ns // 10**9, nanosec=t_ns % 10**9)
-        extra = {"seq": next(number)} if ros1 else {}
-        return types["Header"](stamp=stamp, frame_id="", **extra)
-
-    def vector(*xyz: float) -> Any:
-        return types["Vector3"](*xyz)
-
+    messages = Messages(release)
     rows: list[Row] = []
     for k in range(4):
         t_ns = START_NS + 50_000_000 * k
-        for camera, topic in enumerate((TOPICS.left, TOPICS.right)):
-            image = types["Image"](
-                header=header(t_ns),
-                height=30,
-                width=40,
-                encoding="mono8",
-                is_bigendian=0,
-                step=48,
-                data=np.pad(picture(k, camera), ((0, 0), (0, 8))).ravel(),
-            )
-            rows.append((t_ns, topic, "sensor_msgs/msg/Image", image))
-    nine = np.zeros(9)
+        for camera, topic in enumerate((TOPICS.left, str(TOPICS.right))):
+            rows.append((t_ns, topic, messages.image(t_ns, picture(k, camera), padding=8)))
     for k in range(40):
         t_ns = START_NS + 5_000_000 * k
-        sample = types["Imu"](
-            header=header(t_ns),
-            orientation=types["Quaternion"](0.0, 0.0, 0.0, 1.0),
-            orientation_covariance=nine,
-            angular_velocity=vector(0.1, -0.2, k / 100),
-            angular_velocity_covariance=nine,
-            linear_acceleration=vector(9.7, 0.4, 1 / 3),
-            linear_acceleration_covariance=nine,
-        )
-        rows.append((t_ns, TOPICS.imu, "sensor_msgs/msg/Imu", sample))
+        rows.append((t_ns, TOPICS.imu, messages.imu(t_ns, (0.1, -0.2, k / 100), (9.7, 0.4, 1 / 3))))
     for k in range(20):
         t_ns = START_NS + 10_000_000 * k
-        pose = types["Pose"](
-            position=types["Point"](0.5 * k * 0.01, 1.0, 2.0),
-            orientation=types["Quaternion"](0.6, 0.0, 0.0, 0.8),
-        )
-        message = types["PoseStamped"](header=header(t_ns), pose=pose)
-        rows.append((t_ns, str(TOPICS.truth), "geometry_msgs/msg/PoseStamped", message))
-    path = folder / ("flight.bag" if ros1 else "flight")
-    writer: Any = rosbag1.Writer(path) if ros1 else rosbag2.Writer(path, version=9)
-    with writer:
-        rows = change(rows, types)
-        connections = {
-            topic: writer.add_connection(topic, kind, typestore=store)
-            for topic, kind in {(row[1], row[2]) for row in rows}
-        }
-        for t_ns, topic, kind, message in rows:
-            raw = (store.serialize_ros1 if ros1 else store.serialize_cdr)(message, kind)
-            writer.write(connections[topic], t_ns + 7_000_000, raw)
-    return path
+        pose = messages.pose(t_ns, (0.5 * k * 0.01, 1.0, 2.0), (0.6, 0.0, 0.0, 0.8))
+        rows.append((t_ns, str(TOPICS.truth), pose))
+    return messages.write(folder / "flight", change(rows, messages.types))
 
 
 def convert(bag: Path, tmp_path: Path, topics: Topics = TOPICS) -> Sequence:
-    camchain, imu_yaml = kalibr_files(tmp_path)
+    camchain, imu_yaml = kalibr_files(tmp_path, mono=topics.right is None)
     biases = BIASES if topics.truth else ()
     import_rosbag(bag, topics, camchain, imu_yaml, tmp_path / "asl" / "flight", *biases)
     return read_sequence(tmp_path / "asl" / "flight")
@@ -175,6 +128,23 @@ def test_bag_becomes_the_recording_that_it_holds(bag: Path, tmp_path: Path) -> N
     # The right camera sits 0.11 m along the left one's x axis.
     np.testing.assert_allclose(left.R_BC.T @ (right.p_BC - left.p_BC), [0.11, 0.0, 0.0], atol=1e-15)
     assert sequence.imu_noise.gyro_density == 1.7e-4
+
+
+def test_bag_of_one_camera_becomes_a_recording_of_one(bag: Path, tmp_path: Path) -> None:
+    """A second camera that is asked for though neither bag nor calibration has one."""
+    sequence = convert(bag, tmp_path, replace(TOPICS, right=None))
+    assert len(sequence.cameras) == 1 and len(sequence.frames.t_ns) == 4 and sequence.frames.right == ()
+    assert np.array_equal(read_image(sequence.frames.left[1], sequence.cameras[0]), picture(1, 0))
+    assert not (tmp_path / "asl" / "flight" / "mav0" / "cam1").exists()
+
+
+@pytest.mark.parametrize(("right", "mono"), [(None, False), (TOPICS.right, True)])
+def test_cameras_of_the_topics_and_of_the_camchain_must_be_as_many(
+    tmp_path: Path, right: str | None, mono: bool
+) -> None:
+    """A camera that is dropped without a word, or one without calibration."""
+    error = refusal(write_bag(tmp_path), tmp_path, replace(TOPICS, right=right), mono=mono)
+    assert (error.file, error.field) == (str(tmp_path / "camchain.yaml"), "cam1")
 
 
 def test_truth_gets_velocities_and_known_biases(bag: Path, tmp_path: Path) -> None:
@@ -282,7 +252,7 @@ def later_cam1(by_ns: int) -> Change:
     """cam1's clock is behind: its stamps are too small."""
 
     def change(rows: list[Row], types: dict[str, Any]) -> list[Row]:
-        for _, topic, _, message in rows:
+        for _, topic, message in rows:
             if topic == TOPICS.right:
                 message.header.stamp.nanosec -= by_ns
         return rows
@@ -369,24 +339,16 @@ def compressed(data: bytes, name: str = "jpeg") -> Change:
     """The third left image becomes a CompressedImage."""
 
     def change(rows: list[Row], types: dict[str, Any]) -> list[Row]:
-        kind = "sensor_msgs/msg/CompressedImage"
         left = [row for row in rows if row[1] == TOPICS.left]
         for row in left:
             rows.remove(row)
-        whole = cv2.imencode(".png", picture(0, 0))[1]
-        return rows + [
-            (
-                t,
-                topic,
-                kind,
-                types["CompressedImage"](
-                    header=message.header,
-                    format=name,
-                    data=np.frombuffer(data, np.uint8) if k == 2 else whole,
-                ),
+        for k, (t, topic, message) in enumerate(left):
+            content = (
+                np.frombuffer(data, np.uint8) if k == 2 else cv2.imencode(".png", picture(0, 0))[1].ravel()
             )
-            for k, (t, topic, _, message) in enumerate(left)
-        ]
+            image = types["CompressedImage"](header=message.header, format=name, data=content)
+            rows.append((t, topic, image))
+        return rows
 
     return change
 
@@ -428,7 +390,7 @@ def restamped(topic: str, stamps_ns: dict[int, int]) -> Change:
     def change(rows: list[Row], types: dict[str, Any]) -> list[Row]:
         chosen = [row for row in rows if row[1] == topic]
         for k, t_ns in stamps_ns.items():
-            stamp = chosen[k][3].header.stamp
+            stamp = chosen[k][2].header.stamp
             stamp.sec, stamp.nanosec = divmod(t_ns, 10**9)
         return rows
 

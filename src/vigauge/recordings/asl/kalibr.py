@@ -45,16 +45,16 @@ _INTRINSICS = ("accelerometers", "gyroscopes")
 
 @dataclass(frozen=True)
 class CameraChain:
-    """What a camchain says of cam0 and cam1."""
+    """What a camchain says of cam0 and cam1, or of cam0 alone."""
 
-    descriptions: tuple[dict[str, Any], dict[str, Any]]  # the ``sensor.yaml`` of each
-    shifts_ns: tuple[int, int]  # what to add to the stamps of each
-    topics: tuple[object, object]  # ``rostopic`` of each, or None
+    descriptions: tuple[dict[str, Any], ...]  # the ``sensor.yaml`` of each
+    shifts_ns: tuple[int, ...]  # what to add to the stamps of each
+    topics: tuple[object, ...]  # ``rostopic`` of each, or None
     notes: tuple[str, ...]  # sentences on what is not used as it stands
 
 
 def camera_chain(camchain: Path) -> CameraChain:
-    """cam0 and cam1 of a camchain.
+    """cam0 and cam1 of a camchain; cam0 alone where it has no cam1.
 
     Kalibr's ``T_cam_imu`` takes inertial to camera coordinates; ASL's ``T_BS`` is its inverse.
     Where cam1 has none it follows from cam0's by ``T_cn_cnm1``. ``timeshift_cam_imu`` is
@@ -68,27 +68,25 @@ def camera_chain(camchain: Path) -> CameraChain:
     others = sorted(str(name) for name in content if not re.fullmatch(r"cam\d+", str(name)))
     if others:
         raise DataError(camchain, "must hold cam0, cam1 and nothing else: remove the key", field=others[0])
-    chain = [_entry(camchain, content, name) for name in ("cam0", "cam1")]
-    for name, camera in zip(("cam0", "cam1"), chain, strict=True):
+    names = ("cam0", "cam1") if "cam1" in content else ("cam0",)
+    chain = [_entry(camchain, content, name) for name in names]
+    for name, camera in zip(names, chain, strict=True):
         _refuse_unknown(camchain, camera, _CAMERA_KEYS, f"{name}.")
-    T_C0B = _matrix(camchain, "cam0", chain[0], "T_cam_imu")
-    notes = [f"{camchain}, {name}: is not used" for name in content if name not in ("cam0", "cam1")]
+    poses = [_matrix(camchain, "cam0", chain[0], "T_cam_imu")]
+    poses += [_pose_of_cam1(camchain, camera, poses[0]) for camera in chain[1:]]
+    notes = [f"{camchain}, {name}: is not used" for name in content if name not in names]
     shifts = _shifts_s(camchain, chain)
-    apart = abs(shifts[1] - shifts[0])
+    apart = abs(shifts[-1] - shifts[0])
     if 0.0 < apart <= _SHIFT_NOISE_S:
         notes.append(
             f"{camchain}: the time shifts of cam0 and cam1 differ by {1e6 * apart:.3g} us, which is noise; "
             "cam0's is used for both"
         )
-        shifts = (shifts[0], shifts[0])
-    descriptions = (
-        _description(camchain, "cam0", chain[0], T_C0B),
-        _description(camchain, "cam1", chain[1], _pose_of_cam1(camchain, chain[1], T_C0B)),
-    )
+        shifts = [shifts[0], shifts[0]]
     return CameraChain(
-        descriptions,
-        (round(shifts[0] * 1e9), round(shifts[1] * 1e9)),
-        (chain[0].get("rostopic"), chain[1].get("rostopic")),
+        tuple(_description(camchain, *of) for of in zip(names, chain, poses, strict=True)),
+        tuple(round(shift * 1e9) for shift in shifts),
+        tuple(camera.get("rostopic") for camera in chain),
         tuple(notes),
     )
 
@@ -107,10 +105,10 @@ def _pose_of_cam1(path: Path, camera: Mapping[str, Any], T_C0B: Array) -> Array:
     return chained
 
 
-def _shifts_s(path: Path, chain: list[dict[str, Any]]) -> tuple[float, float]:
+def _shifts_s(path: Path, chain: list[dict[str, Any]]) -> list[float]:
     key = "timeshift_cam_imu"
-    if (key in chain[0]) != (key in chain[1]):
-        missing = 0 if key in chain[1] else 1
+    if (key in chain[0]) != (key in chain[-1]):
+        missing = 0 if key in chain[-1] else 1
         raise DataError(path, "must be given for both cameras or for none", field=f"cam{missing}.{key}")
     shifts = []
     for k, camera in enumerate(chain):
@@ -123,7 +121,7 @@ def _shifts_s(path: Path, chain: list[dict[str, Any]]) -> tuple[float, float]:
             rule = f"must be seconds, less than {_LARGEST_SHIFT_S:g}"
             raise DataError(path, rule, field=f"cam{k}.{key}", value=shift)
         shifts.append(float(shift))
-    return shifts[0], shifts[1]
+    return shifts
 
 
 def imu_description(path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
@@ -178,7 +176,7 @@ def _refuse_unknown(path: Path, content: Mapping[str, Any], known: Collection[st
 def _entry(path: Path, content: Mapping[str, Any], name: str) -> dict[str, Any]:
     entry = content.get(name)
     if not isinstance(entry, dict):
-        raise DataError(path, "must describe cam0 and cam1", field=name, value=entry)
+        raise DataError(path, "must describe the camera", field=name, value=entry)
     return entry
 
 

@@ -1,4 +1,4 @@
-"""A rosbag (ROS 1 or 2) with a stereo pair and an inertial sensor, as an ASL folder.
+"""A rosbag (ROS 1 or 2) with one camera or a stereo pair and an inertial sensor, as an ASL folder.
 
 Needs the `rosbags` package, which reads both without ROS: ``pip install rosbags``.
 """
@@ -43,17 +43,22 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Topics:
-    """Names of topics: two images, one inertial sensor, and poses of the body for truth (or None)."""
+    """Names of topics: images (``right`` None: one camera), inertial sensor, and true poses of the body."""
 
     left: str
-    right: str
+    right: str | None
     imu: str
     truth: str | None = None
 
     @property
+    def images(self) -> list[str]:
+        """Of the left camera and, where there is one, of the right one."""
+        return [self.left, *([self.right] if self.right is not None else [])]
+
+    @property
     def wanted(self) -> list[str]:
         """All of them; truth last."""
-        return [self.left, self.right, self.imu, *([self.truth] if self.truth is not None else [])]
+        return [*self.images, self.imu, *([self.truth] if self.truth is not None else [])]
 
 
 @dataclass(frozen=True)
@@ -97,11 +102,12 @@ def import_rosbag(
     folder.mkdir(parents=True, exist_ok=True)
     temporary = folder / f".mav0.{os.getpid()}"
     try:
-        for name, description in zip(("cam0", "cam1", "imu0"), (*chain.descriptions, noise), strict=True):
+        cameras = [f"cam{k}" for k in range(len(topics.images))]
+        for name, description in zip([*cameras, "imu0"], [*chain.descriptions, noise], strict=True):
             (temporary / name).mkdir(parents=True)
             text = yaml.safe_dump(description, sort_keys=False)
             (temporary / name / "sensor.yaml").write_text(text, encoding="utf-8")
-        for name in ("cam0", "cam1"):
+        for name in cameras:
             with _naming(camchain, name):
                 read_camera(temporary / name / "sensor.yaml")
         with _naming(imu_yaml):
@@ -148,22 +154,25 @@ def _known_biases(
 
 
 def _check_topics(bag: Path, topics: Topics, camchain: Path, chain: CameraChain) -> None:
-    """No topic twice, and no camera with the calibration of the other."""
+    """No topic twice, one for each calibrated camera, and no camera with the calibration of the other."""
     for topic in topics.wanted:
         if topics.wanted.count(topic) > 1:
             raise DataError(bag, "topics must differ: each sensor has its own", value=topic)
-    for k, (given, other) in enumerate(((topics.left, topics.right), (topics.right, topics.left))):
-        if chain.topics[k] == other:
+    if len(topics.images) != len(chain.descriptions):
+        rule = "must be there where a right topic is given, and not where none is: one camera is cam0 alone"
+        raise DataError(camchain, rule, field="cam1", value=topics.right)
+    for k, (given, other) in enumerate(zip(topics.images, topics.images[::-1], strict=True)):
+        if given != other and chain.topics[k] == other:
             rule = f"must not be the other camera's topic: this is calibrated for it, and {given} was given"
             raise DataError(camchain, rule, field=f"cam{k}.rostopic", value=other)
 
 
 def _write_messages(bag: Path, topics: Topics, mav: Path, chain: CameraChain) -> Imported:
     """Images as they come, one after the other; the few numbers of the other sensors at the end."""
-    camera_of = {topics.left: 0, topics.right: 1}
+    camera_of = {topic: k for k, topic in enumerate(topics.images)}
     stamps: dict[str, list[int]] = {topic: [] for topic in topics.wanted}
     images: dict[str, set[int]] = {topic: set() for topic in camera_of}
-    rows: dict[str, list[tuple[int, list[float]]]] = {topic: [] for topic in topics.wanted[2:]}
+    rows: dict[str, list[tuple[int, list[float]]]] = {topic: [] for topic in topics.wanted[len(camera_of) :]}
     for topic, message in messages(bag, topics.wanted):
         t_ns = message.header.stamp.sec * _NS + message.header.stamp.nanosec
         stamps[topic].append(t_ns)
@@ -185,11 +194,11 @@ def _write_messages(bag: Path, topics: Topics, mav: Path, chain: CameraChain) ->
             rule = f"images must have the size in the camchain, {width} x {height}"
             raise DataError(bag, rule, field=topic, value=f"{image.shape[1]} x {image.shape[0]}")
         _write_image(mav / f"cam{camera_of[topic]}" / "data" / f"{t_ns}.png", image)
-    left, right = (np.array(sorted(images[topic]), dtype=np.int64) for topic in camera_of)
-    _check_pairs(bag, topics, chain, left, right)
-    for name, times in (("cam0", left), ("cam1", right)):
+    frames = [np.array(sorted(images[topic]), dtype=np.int64) for topic in camera_of]
+    _check_frames(bag, topics, chain, frames)
+    for k, times in enumerate(frames):
         lines = ["#timestamp [ns],filename", *(f"{t},{t}.png" for t in times)]
-        (mav / name / "data.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        (mav / f"cam{k}" / "data.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     _write_table(mav / "imu0" / "data.csv", IMU_HEADER, rows[topics.imu])
     if topics.truth:
         _write_table(mav / TRUTH_FOLDER / "data.csv", TRUTH_HEADER, rows[topics.truth])
@@ -203,13 +212,14 @@ def _write_messages(bag: Path, topics: Topics, mav: Path, chain: CameraChain) ->
     return Imported({topic: len(times) for topic, times in stamps.items()}, tuple(notes))
 
 
-def _check_pairs(
-    bag: Path, topics: Topics, chain: CameraChain, left: NDArray[np.int64], right: NDArray[np.int64]
-) -> None:
-    """DataError where most frames have no partner at the same time."""
-    for topic, times in ((topics.left, left), (topics.right, right)):
+def _check_frames(bag: Path, topics: Topics, chain: CameraChain, frames: list[NDArray[np.int64]]) -> None:
+    """DataError where a camera has no frames, or most of a pair's have no partner at the same time."""
+    for topic, times in zip(topics.images, frames, strict=True):
         if len(times) == 0:
             raise DataError(bag, "topic must have messages", value=topic)
+    if len(frames) == 1:
+        return
+    left, right = frames
     _, distance = nearest_index(right, left)
     paired, whole = int(np.sum(distance <= STEREO_TOLERANCE_NS)), min(len(left), len(right))
     if 2 * paired < whole:
