@@ -329,6 +329,21 @@ def test_a_well_known_scale_is_not_flagged(stereo: bool) -> None:
     assert diagnose(problem, state).sentence.endswith("no null direction is extra")
 
 
+def held(t: np.ndarray) -> np.ndarray:
+    """A body that turns in somebody's hands: it moves by more than nothing and less than is known of it."""
+    return 0.015 * np.sin(3.0 * t[:, None] + [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_two_cameras_that_turn_on_the_spot_know_the_scale(seed: int) -> None:
+    """A path that is all noise, whose size is taken for the scale: two cameras see distances all the same."""
+    problem = noisy(d.problem_of(held, stereo=True).with_noise(3.0, 10.0), seed)
+    state = solve(problem, FreeGauge()).state
+    found = diagnose(problem, state)
+    assert scale_sigma(problem, state) > 1.0 / 3.0 and found.motion == "moving"
+    assert not found.withheld
+
+
 def test_pure_rotation_of_the_camera_itself() -> None:
     """About the camera's centre there is no parallax at all; about the body's the lever arm gives some."""
     problem = d.problem_of(d.still)

@@ -107,8 +107,16 @@ def errors_in_sigmas(f: Flight, a: Alignment) -> tuple[np.ndarray, float]:
 
 @pytest.mark.parametrize(
     "kind",
-    [{}, {"mono": True}, {"still_s": 2.0}, {"turn": 0.0, "accel": 0.03}],
-    ids=["moving", "mono", "standing start", "no turn"],
+    [
+        {},
+        {"mono": True},
+        {"still_s": 2.0},
+        {"turn": 0.0, "accel": 0.03},
+        {"reach": 0.0},
+        {"reach": 0.0, "turn": 0.0, "accel": 0.03},
+        {"reach": 0.0, "turn": 0.0, "accel": 0.03, "speed": 1.0},
+    ],
+    ids=["moving", "mono", "standing start", "no turn", "on the spot", "standing", "even"],
 )
 def test_biases_gravity_velocities_and_scale_lie_within_their_sigmas(kind: dict[str, Any]) -> None:
     """A sign or frame of a derivative, noise counted twice, a lever arm left out, sigmas that say nothing."""

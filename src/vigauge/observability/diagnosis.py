@@ -396,9 +396,10 @@ def _weak_scale(
 ) -> tuple[Direction, ...]:
     """The scale, where three marginal sigmas reach zero, or where changing it costs no more than noise does.
 
-    Its sigma is that of the size of the path about its centre, with all else free to move along. With
-    one camera the scale comes from accelerations only: its information is the energy of their
-    whitened signal, and that of noise is a chi-square of six numbers a factor.
+    Its sigma is that of the size of the path about its centre, with all else free to move along, if that of
+    the landmarks' distances is no better: two cameras that turn on the spot know those, but not the size of
+    a path of noise. With one camera the scale comes from accelerations only: its information is the energy
+    of their whitened signal, and that of noise is a chi-square of six numbers a factor.
     """
     named = any(direction.kind == "scale" for direction in found.directions)
     if named or state.n_keyframes < 2 or not state.n_landmarks:
@@ -410,7 +411,8 @@ def _weak_scale(
     functional = np.zeros(len(motion))
     functional[: path.size] = path.ravel() / max(float(np.sum(path**2)), np.finfo(float).tiny)
     sigma = found.null.sigma(functional) if _motion(equations, state) == "moving" else 0.0
-    if _SIGMAS * sigma <= 1.0 and change @ equations.times(change) > max(_SIGMAS**2, noise):
+    seen = _SIGMAS * sigma <= 1.0 or _SIGMAS * _map_sigma(found, equations, landmark) <= 1.0
+    if seen and change @ equations.times(change) > max(_SIGMAS**2, noise):
         return ()
     scaled = (motion * found.null.scale)[:, None]
     length = float(np.linalg.norm(scaled))
@@ -419,6 +421,16 @@ def _weak_scale(
         return ()
     scaled /= length
     return (Direction("scale", 1, found.null.eigenvalue(scaled), found.shares(scaled), sigma=sigma),)
+
+
+def _map_sigma(found: _Findings, equations: NormalEquations, ray: Array) -> float:
+    """Standard deviation of the distances (K, 3) of landmarks, weighted by their information, as a share."""
+    n_motion = len(found.null.scale)
+    felt = equations.times(np.concatenate([np.zeros(n_motion), ray.ravel()]))
+    information = float(ray.ravel() @ felt[n_motion:])
+    if information <= 0.0:
+        return np.inf
+    return float(np.hypot(information**-0.5, found.null.sigma(felt[:n_motion] / information)))
 
 
 def _rays(equations: NormalEquations, state: State) -> tuple[Array, Array]:
