@@ -32,7 +32,6 @@ def test_cameras_and_points(tmp_path: Path, intrinsics: bool) -> None:
         known = [9 * n + k for n in range(10) for k in (6, 7, 8)]
         J, T = np.delete(J, known, axis=1), np.delete(T, known, axis=0)
     expected = pseudo_inverse(J, T)
-    assert np.abs(J @ T).max() < 1e-11
     assert found.open == vg.Similarity().directions
     sigmas = np.sqrt(np.diagonal(expected))
     assert np.abs((found.matrix() - expected) / np.outer(sigmas, sigmas)).max() < 1e-10

@@ -1,4 +1,4 @@
-"""COLMAP's synthetic reconstructions by the adapter, against the dense pseudo-inverse and COLMAP's own."""
+"""COLMAP's synthetic reconstructions by the adapter, against 18 digits and COLMAP's own."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import vigauge as vg
-from support.foreign import half_angles, quaternion_product
-from vigauge.geometry import so3
+from support.long_double import jacobian, pseudo_inverse, turned
 
 pycolmap = pytest.importorskip("pycolmap", reason="needs pycolmap: pip install pycolmap")
 from vigauge.adapters.pycolmap import covariance  # noqa: E402
@@ -43,29 +42,69 @@ def reconstruction_of(model: str, **more: Any) -> Any:
     return pycolmap.synthesize_dataset(options)
 
 
-def jacobian(reconstruction: Any) -> np.ndarray:
-    """By differences of COLMAP's own projection, moved by Ceres' quaternion manifold."""
-    step, images = 1e-3, [reconstruction.image(k) for k in sorted(reconstruction.reg_image_ids())]
-    points = dict(sorted(reconstruction.points3D.items()))
-    row, n = {image.image_id: k for k, image in enumerate(images)}, 6 * len(images)
-    blocks = []
-    for j, point in enumerate(points.values()):
-        for element in point.track.elements:
-            image = images[row[element.image_id]]
-            T = image.cam_from_world().matrix()
+# Places of fx, fy, cx, cy, k1, k2, p1, p2 among a model's parameters; -1 for none.
+PLACES = {
+    "SIMPLE_PINHOLE": (0, 0, 1, 2, -1, -1, -1, -1),
+    "PINHOLE": (0, 1, 2, 3, -1, -1, -1, -1),
+    "SIMPLE_RADIAL": (0, 0, 1, 2, 3, -1, -1, -1),
+    "RADIAL": (0, 0, 1, 2, 3, 4, -1, -1),
+    "OPENCV": (0, 1, 2, 3, 4, 5, 6, 7),
+}
 
-            def pixel(delta: np.ndarray, T: np.ndarray = T, X: Any = point.xyz, c: Any = image.camera) -> Any:
-                q = quaternion_product(half_angles(delta[:3]), so3.quaternion(T[:, :3]))
-                return c.img_from_cam(so3.from_quaternion(q) @ (X + delta[6:]) + T[:, 3] + delta[3:6])
 
-            J = np.zeros((2, n + 3 * len(points)))
-            at = [*range(6 * row[element.image_id], 6 * row[element.image_id] + 6)]
-            for k, column in enumerate([*at, *range(n + 3 * j, n + 3 * j + 3)]):
-                e = step * np.eye(9)[k]
-                near, far = pixel(e) - pixel(-e), pixel(2 * e) - pixel(-2 * e)
-                J[:, column] = (8.0 * near - far) / (12.0 * step)
-            blocks.append(J)
-    return np.concatenate(blocks)
+class Plain:
+    """Pixels as COLMAP's manual defines them, with 18 digits; Ceres' quaternion manifold moves the poses.
+
+    Poses ``R``, ``t`` are those of images or, where a rig has several cameras, of frames.
+    """
+
+    def __init__(self, reconstruction: Any) -> None:
+        points = [point for _, point in sorted(reconstruction.points3D.items())]
+        seen = [(reconstruction.image(e.image_id), k) for k, X in enumerate(points) for e in X.track.elements]
+        rigs = any(rig.num_sensors() > 1 for rig in reconstruction.rigs.values())
+        at = [image.frame_id if rigs else image.image_id for image, _ in seen]
+        keys = sorted(set(at))
+        self.pose, self.point = np.array([keys.index(key) for key in at]), np.array([k for _, k in seen])
+        T, self.X = np.zeros((len(keys), 3, 4), np.longdouble), np.array([point.xyz for point in points])
+        S = np.zeros((len(seen), 3, 4), np.longdouble)
+        self.intrinsics = np.zeros((len(seen), 8))
+        for k, (image, _) in enumerate(seen):
+            rig, sensor, camera = image.frame.rig, image.data_id.sensor_id, image.camera
+            first = not rigs or rig.is_ref_sensor(sensor)
+            S[k] = np.eye(3, 4) if first else rig.sensor_from_rig(sensor).matrix()
+            T[self.pose[k]] = (image.frame.rig_from_world if rigs else image.cam_from_world()).matrix()
+            self.intrinsics[k] = np.append(camera.params, 0.0)[[*PLACES[camera.model_name]]]
+        self.R, self.t, self.R_S, self.t_S = T[:, :, :3], T[:, :, 3], S[:, :, :3], S[:, :, 3]
+        self.n = 6 * len(T) + 3 * len(points)
+        theirs = [i.camera.img_from_cam(i.cam_from_world() * points[k].xyz) for i, k in seen]
+        mine = self.pixels(np.zeros(self.n)).astype(float)
+        np.testing.assert_allclose(mine, np.ravel(theirs), rtol=1e-11)
+
+    def pixels(self, delta: np.ndarray) -> np.ndarray:
+        d, dX = np.split(delta, [6 * len(self.R)])
+        d, X = d.reshape(-1, 6)[self.pose], self.X + dX.reshape(-1, 3)
+        P = np.einsum("mij,mj->mi", turned(2 * d[:, :3]) @ self.R[self.pose], X[self.point])
+        P = np.einsum("mij,mj->mi", self.R_S, P + self.t[self.pose] + d[:, 3:]) + self.t_S
+        x, y = P[:, 0] / P[:, 2], P[:, 1] / P[:, 2]
+        fx, fy, cx, cy, k1, k2, p1, p2 = self.intrinsics.T
+        r2 = x * x + y * y
+        radial = 1 + k1 * r2 + k2 * r2 * r2
+        u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        v = y * radial + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
+        return np.column_stack([fx * u + cx, fy * v + cy]).ravel()
+
+    def jacobian(self) -> np.ndarray:
+        return jacobian(self.pixels, self.n)
+
+    def null_space(self) -> np.ndarray:
+        """(n, 7) shifts, turns about the origin and the scale of the world."""
+        T = np.zeros((self.n, 7), np.longdouble)
+        poses, points = np.split(T, [6 * len(self.R)])
+        poses, points = poses.reshape(-1, 6, 7), points.reshape(-1, 3, 7)
+        poses[:, 3:, :3], poses[:, :3, 3:6], poses[:, 3:, 6] = -self.R, -0.5 * self.R, self.t
+        points[:, :, :3], points[:, :, 6] = np.eye(3), self.X
+        points[:, :, 3:6] = np.cross(np.eye(3)[None], self.X[:, None]).swapaxes(1, 2)
+        return T
 
 
 @pytest.mark.parametrize(("model", "small"), [*((model, 400) for model in MODELS), ("OPENCV", 0)])
@@ -77,14 +116,17 @@ def test_free_gauge_is_the_dense_pseudo_inverse(
     reconstruction = reconstruction_of(model)
     found = covariance(reconstruction, sigma=0.7)
     assert found.open == vg.Similarity().directions
-    J = jacobian(reconstruction) / 0.7
-    _, s, V = np.linalg.svd(J, full_matrices=False)
-    half = V[:-7].T / s[:-7]
-    assert s[-7] < 1e-6 * s[-8]
-    assert vg.relative_frobenius(found.matrix(), half @ half.T) < 1e-8
-    point = max(reconstruction.points3D)
-    rows = half[found.layout.points[-1]]
-    assert vg.relative_frobenius(found.landmarks(keys=[point])[0], rows @ rows.T) < 1e-8
+    plain = Plain(reconstruction)
+    expected = pseudo_inverse(plain.jacobian() / 0.7, plain.null_space())
+    assert_equal(found, expected)
+    point, rows = max(reconstruction.points3D), found.layout.points[-1]
+    assert vg.relative_frobenius(found.landmarks(keys=[point])[0], expected[np.ix_(rows, rows)]) < 1e-10
+
+
+def assert_equal(found: vg.EstimateCovariance, expected: np.ndarray) -> None:
+    """To ten digits of each pair of sigmas."""
+    sigmas = np.sqrt(np.diagonal(expected))
+    assert np.abs((found.matrix() - expected) / np.outer(sigmas, sigmas)).max() < 1e-10
 
 
 RIGS = {"num_rigs": 2, "num_cameras_per_rig": 3, "num_frames_per_rig": 4}
@@ -95,32 +137,10 @@ def test_rigs_are_one_pose_a_frame(small: int, monkeypatch: pytest.MonkeyPatch) 
     """Catches images of one frame that move apart, and a scale that known baselines leave open."""
     monkeypatch.setattr("vigauge.adapters.pycolmap._SMALL", small)
     reconstruction = reconstruction_of("SIMPLE_RADIAL", **RIGS)
-    found, step, frames = covariance(reconstruction), 1e-4, sorted(reconstruction.reg_frame_ids())
+    found, frames = covariance(reconstruction), sorted(reconstruction.reg_frame_ids())
     assert (list(found.layout.keys), found.measured) == (frames, ("scale",))
-    images = sorted(reconstruction.reg_image_ids())
-    by_image, n = jacobian(reconstruction), 6 * len(images)
-    # By differences of COLMAP's composition: how a frame's increment moves its images.
-    J = np.zeros((n, 6 * len(frames)))
-    for i, key in enumerate(images):
-        image = reconstruction.image(key)
-        rig, own = image.frame.rig_from_world, image.cam_from_world()
-        on_rig = own * rig.inverse()
-        for column in range(6):
-            ends = []
-            for sign in (1, -1):
-                d = sign * step * np.eye(6)[column]
-                q = quaternion_product(half_angles(d[:3]), so3.quaternion(rig.rotation.matrix()))
-                T = on_rig.matrix()[:, :3] @ np.column_stack(
-                    [so3.from_quaternion(q), rig.translation + d[3:]]
-                )
-                turn = T[:, :3] @ own.rotation.matrix().T
-                ends.append([*(0.5 * so3.log(turn)), *(T[:, 3] + on_rig.translation)])
-            J[6 * i : 6 * i + 6, 6 * frames.index(image.frame_id) + column] = np.subtract(*ends) / (2 * step)
-    whole = np.concatenate([by_image[:, :n] @ J, by_image[:, n:]], axis=1)
-    _, s, V = np.linalg.svd(whole, full_matrices=False)
-    half = V[:-6].T / s[:-6]
-    assert s[-6] < 1e-6 * s[-7]
-    assert vg.relative_frobenius(found.matrix(), half @ half.T) < 1e-6
+    plain = Plain(reconstruction)
+    assert_equal(found, pseudo_inverse(plain.jacobian(), plain.null_space()[:, :6]))
     gauge = vg.KeyframeGauge(frames[2])
     np.testing.assert_allclose(found.block(frames[2], frames[2], gauge), 0.0, atol=1e-12)
 
@@ -156,7 +176,7 @@ def test_two_camera_gauge_is_that_of_colmap() -> None:
         block = found.block(key, key, gauge)[np.ix_(rest, rest)]
         assert vg.relative_frobenius(block, given[key]) < 1e-8
     # COLMAP's covariances of points are those for poses that are known.
-    J = jacobian(reconstruction)
+    J = Plain(reconstruction).jacobian().astype(float)
     for key in reconstruction.points3D:
         own = J[:, found.layout.points[found.layout.point_place(key)]]
         assert vg.relative_frobenius(np.linalg.inv(own.T @ own), expected.get_point_cov(key)) < 1e-8

@@ -52,6 +52,7 @@ def inverse_of_triangle(R: Long) -> Long:
 def pseudo_inverse(J: Long, T: Long) -> Long:
     """(n, n) of J^T J, whose null space T (n, d) spans; J is not squared."""
     scale = 1 / np.sqrt(np.sum(J**2, axis=0))
+    assert np.abs(J @ T).max() < 1e-13 * np.abs(J).max() * np.abs(T).max(), "T is not the null space of J"
     N = T / scale[:, None]
     N = N @ inverse_of_triangle(triangle(N))
     half = scale[:, None] * inverse_of_triangle(triangle(np.concatenate([J * scale, N.T])))
