@@ -18,8 +18,8 @@ from vigauge_paper.figures.style import COLOURS
 # What is held, its gauge, and its line: the three of the paper in the colours of its figures.
 GAUGES = (
     ("fixed: position and heading of the first", vg.FixedGauge(), "o-", COLOURS["fix"]),
-    ("keyframe 5: its position and heading", vg.KeyframeGauge(5), "s-", "#CC79A7"),
-    ("centroid: mean position and heading", vg.CentroidGauge(), "^-", "#555555"),
+    ("keyframe 5: its position and heading", vg.KeyframeGauge(5), "s-", COLOURS["keyframe"]),
+    ("centroid: mean position and heading", vg.CentroidGauge(), "^-", COLOURS["centroid"]),
     ("free: nothing is held", vg.FreeGauge(), "v--", COLOURS["free"]),
 )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vigauge_paper.claims import CLAIMS, Verdict
 from vigauge_paper.figures.registry import FIGURES
+from vigauge_paper.figures.style import narrow
 from vigauge_paper.ids import TABLES
 from vigauge_paper.page.index import SHOWN_ROWS, Material
 
@@ -28,8 +29,10 @@ def material_of(folder: Path, explorers: Sequence[dict[str, object]] = ()) -> Ma
         return folder / name
 
     figures = {key: folder / f"{figure.stem}.png" for key, figure in FIGURES.items()}
+    (folder / "narrow").mkdir()
     for file in figures.values():
         file.write_bytes(PIXEL)
+        narrow(file).write_bytes(PIXEL)
     named = {name for claim in CLAIMS for name in claim.evidence} - set(FIGURES) - set(TABLES)
     rows = [
         {

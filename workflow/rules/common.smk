@@ -45,6 +45,8 @@ except VigaugeError as error:
     raise WorkflowError(str(error))
 
 OUT = "paper_figures"
+# Each figure with its panels stacked, for the page on a phone.
+NARROW = {key: f"{OUT}/narrow/{figure.stem}.png" for key, figure in FIGURES.items()}
 # Resources of a timed job, so that nothing runs beside it. On this machine, it takes all 1000 of `timed`, of
 # which profiles/default gives every other job one. On Slurm, it asks for a node to itself.
 ALONE = {"timed": 1000, "slurm_extra": "--exclusive"}
@@ -138,9 +140,9 @@ def shown(key, source):
 
 def beside(key):
     """What stands beside it: further formats, and the numbers shown in a figure."""
-    stem = key if key in TABLES else FIGURES[key].stem
-    endings = (".md", ".tex") if key in TABLES else (".pdf", FIGURES[key].numbers)
-    return multiext(f"{OUT}/{stem}", *endings)
+    if key in TABLES:
+        return multiext(f"{OUT}/{key}", ".md", ".tex")
+    return [*multiext(f"{OUT}/{FIGURES[key].stem}", ".pdf", FIGURES[key].numbers), NARROW[key]]
 
 
 def reads_of(artefact):

@@ -102,6 +102,7 @@ rule explorer:
 rule index:
     input:
         images=list(IMAGES.values()),
+        narrow=list(NARROW.values()),
         evidence=list(SHOWING.values()),
         biases=rules.biases.output.md,
         tables=[f"{OUT}/{table}.md" for table in TABLES],

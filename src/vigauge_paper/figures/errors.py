@@ -16,14 +16,14 @@ from vigauge.model.archive import load_arrays, load_states
 from vigauge.model.evaluation import align_first_pose
 from vigauge.model.state import State
 
-from .style import COLUMN, draw_withheld, new_figure, note_stand_in, save_figure
+from .style import COLUMN, OTHERS, draw_withheld, new_figure, note_stand_in, save_figure
 
 _PANELS = {
     "p": ("position", "mm", 1e3),
     "phi": ("rotation", "deg", 180.0 / np.pi),
     "v": ("velocity", "mm/s", 1e3),
 }
-_LOOKS = (("#0072B2", "o"), ("#D55E00", "s"))
+_LOOKS = tuple(zip(OTHERS, "os", strict=False))
 
 
 def error_rows(name: str, arrays: Mapping[str, Array], truth: State) -> list[dict[str, object]]:

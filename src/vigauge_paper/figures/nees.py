@@ -10,17 +10,17 @@ from matplotlib.axes import Axes
 from vigauge.files import write_rows
 
 from ..experiments.nees import BROKEN, LAST, LIKELIHOOD, RIGHT, WITH_LANDMARKS
-from .style import PAGE, new_figure, save_figure
+from .style import COLOURS, PAGE, new_figure, save_figure
 
 # Marker, colour and legend of each row of the table.
 _LOOK = {
     LIKELIHOOD: ("D", "#000000", "all parameters"),
-    "fix": ("o", "#0072B2", "motion, fixed gauge"),
-    "keyframe": ("v", "#56B4E9", "motion, keyframe gauge"),
-    "centroid": ("P", "#009E73", "motion, centroid gauge"),
-    "free": ("s", "#D55E00", "motion, free gauge"),
-    WITH_LANDMARKS: ("s", "#E69F00", "motion, free with landmarks"),
-    LAST: ("^", "#CC79A7", "last keyframe, fixed gauge"),
+    "fix": ("o", COLOURS["fix"], "motion, fixed gauge"),
+    "keyframe": ("v", COLOURS["keyframe"], "motion, keyframe gauge"),
+    "centroid": ("P", COLOURS["centroid"], "motion, centroid gauge"),
+    "free": ("s", COLOURS["free"], "motion, free gauge"),
+    WITH_LANDMARKS: ("X", COLOURS["free"], "motion, free with landmarks"),
+    LAST: ("<", COLOURS["fix"], "last keyframe, fixed gauge"),
 }
 _BAND = "#D0D0D0"
 _SPACING = 0.12

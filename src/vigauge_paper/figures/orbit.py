@@ -180,15 +180,15 @@ def draw_transformation(chart: Chart, stem: Path) -> None:
     moved = carry_perturbation(chart, a=_PERTURBATION[0] * yaw, b=_PERTURBATION[1])
     with new_figure(COLUMN, 2.35) as (figure, axes):
         orbit = np.linspace(-0.45, 1.45, 121) * yaw
-        axes.plot(*paper.place(orbit, 0.0), color=COLOURS["fix"])
-        axes.plot(*paper.place(gauge_alpha, gauge_s), color=COLOURS["free"])
+        axes.plot(*paper.place(orbit, 0.0), color="black")
+        axes.plot(*paper.place(gauge_alpha, gauge_s), color=COLOURS["fix"])
         _tangents(axes, paper, yaw, moved)
         _vectors(axes, paper, yaw, moved)
         _label(axes, r"$\theta$", paper.place(0.0, 0.0), (1, -11))
         _label(axes, r"$\theta_C$", paper.place(yaw, 0.0), (-14, -8))
-        _label(axes, r"orbit $\mathcal{M}_\theta$", paper.place(orbit[-1], 0.0), (-36, 0), COLOURS["fix"])
+        _label(axes, r"orbit $\mathcal{M}_\theta$", paper.place(orbit[-1], 0.0), (-36, 0))
         _label(
-            axes, r"gauge $\mathcal{C}$", paper.place(gauge_alpha[0], gauge_s[0]), (-32, 3), COLOURS["free"]
+            axes, r"gauge $\mathcal{C}$", paper.place(gauge_alpha[0], gauge_s[0]), (-32, 3), COLOURS["fix"]
         )
         axes.text(
             0.02,
@@ -220,12 +220,12 @@ def _tangents(axes: Axes, paper: _Paper, yaw: float, moved: CarriedPerturbation)
         (yaw, r"$T_{\theta_C}(\mathcal{M}_\theta)$", (4.0, -2.0)),
     ):
         foot, along = paper.place(alpha, 0.0), paper.vector(alpha, reach, 0.0)
-        axes.plot(*np.transpose([foot - along, foot + along]), "--", color=COLOURS["fix"], linewidth=0.8)
+        axes.plot(*np.transpose([foot - along, foot + along]), "--", color="black", linewidth=0.8)
         end = foot - along if alpha == 0.0 else foot + along
-        _label(axes, label, end, offset, COLOURS["fix"])
+        _label(axes, label, end, offset)
     foot, along = paper.place(yaw, 0.0), paper.vector(yaw, *moved.projected)
-    axes.plot(*np.transpose([foot - along, foot + 1.35 * along]), "-.", color=COLOURS["free"], linewidth=0.8)
-    _label(axes, r"$T_{\theta_C}(\mathcal{C})$", foot + 1.35 * along, (4, 5), COLOURS["free"])
+    axes.plot(*np.transpose([foot - along, foot + 1.35 * along]), "-.", color=COLOURS["fix"], linewidth=0.8)
+    _label(axes, r"$T_{\theta_C}(\mathcal{C})$", foot + 1.35 * along, (4, 5), COLOURS["fix"])
 
 
 def _vectors(axes: Axes, paper: _Paper, yaw: float, moved: CarriedPerturbation) -> None:
@@ -235,7 +235,7 @@ def _vectors(axes: Axes, paper: _Paper, yaw: float, moved: CarriedPerturbation) 
     projected = paper.place(yaw, 0.0) + paper.vector(yaw, *moved.projected)
     for alpha, tip in ((0.0, at_estimate), (yaw, carried), (yaw, projected)):
         _arrow(axes, paper.place(alpha, 0.0), tip, "black", 1.1)
-        axes.plot(*paper.place(alpha, 0.0), "o", color=COLOURS["fix"])
+        axes.plot(*paper.place(alpha, 0.0), "o", color=COLOURS["fix" if alpha else "free"])
     _arrow(axes, carried, projected, "0.5", 0.9)
     # Carried along the orbit: a turn on paper about the orbit's centre.
     turn = np.linspace(0.03, 0.97, 41) * paper.stretch * yaw
@@ -244,8 +244,8 @@ def _vectors(axes: Axes, paper: _Paper, yaw: float, moved: CarriedPerturbation) 
     axes.plot(*sweep[:, :-1], color="0.5", linewidth=0.9)
     _arrow(axes, sweep[:, -3], sweep[:, -1], "0.5", 0.9)
     half = paper.place(0.5 * yaw, 0.0)
-    _arrow(axes, paper.place(0.46 * yaw, 0.0), paper.place(0.52 * yaw, 0.0), COLOURS["fix"], 1.0)
-    _label(axes, r"$g$", half, (-2, -11), COLOURS["fix"])
+    _arrow(axes, paper.place(0.46 * yaw, 0.0), paper.place(0.52 * yaw, 0.0), "black", 1.0)
+    _label(axes, r"$g$", half, (-2, -11))
     _label(axes, r"$\Delta\theta$", at_estimate, (-10, 4))
     _label(axes, r"$\frac{\partial\theta_C}{\partial\theta}$", sweep[:, 20], (-4, 5), size=9)
     _label(axes, r"$Q$", 0.5 * (carried + projected), (-2, 5))

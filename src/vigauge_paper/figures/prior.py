@@ -13,20 +13,28 @@ from matplotlib.ticker import NullLocator
 from vigauge.files import write_rows
 
 from ..experiments.timing import timing_of
-from ..prior import INFORMATION, MEANING, RESIDUAL
+from ..prior import MEANING
 from .statistics import box_row, converged_only, from_row
-from .style import COLUMN, PAGE, PUBLISHED, box_plot, new_figure, save_figure
+from .style import (
+    COLOURS,
+    COLUMN,
+    OTHERS,
+    PAGE,
+    PRIOR_SHADES,
+    PUBLISHED,
+    READING_COLOURS,
+    box_plot,
+    new_figure,
+    save_figure,
+)
 
 _QUANTITIES = (
     ("p_rmse_m", "p_rmse_m", "Position", "m"),
     ("phi_rmse_deg", "phi_rmse_rad", "Rotation", "deg"),
     ("v_rmse_mps", "v_rmse_mps", "Velocity", "m/s"),
 )
-_OURS = "#5D3A9B"
-_READING_COLOURS = {RESIDUAL: _OURS, INFORMATION: "#E66100"}
 FREE = "free"
 _LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
-_PATH_COLOURS = ("#000000", "#D55E00", "#009E73", "#0072B2", "#56B4E9")
 _PATH_PANELS = (
     ("prior_yaw_rad", "yaw_rad", "Yaw prior error (rad)"),
     ("prior_position_m", "position_m", "Position prior error (m)"),
@@ -100,7 +108,7 @@ def draw_accuracy(everything: pd.DataFrame, stem: Path, published: Path | None) 
     theirs = _published_rmse(published)
     with new_figure(COLUMN, 4.3, 3, 1, sharex=True, sharey=True) as (figure, axes):
         for panel, (name, their_name, title, unit) in zip(axes, _QUANTITIES, strict=True):
-            curves = [("ours", means[name].to_numpy(), "o-", _OURS)]
+            curves = [("ours", means[name].to_numpy(), "o-", OTHERS[0])]
             if theirs is not None:
                 values = np.array([theirs[their_name].get(float(weight), np.nan) for weight in weights])
                 curves.append(("paper", values, "x--", PUBLISHED))
@@ -153,7 +161,7 @@ def draw_cost(
     table = pd.concat([_cost_boxes(name, sweeps[name], timings[name]) for name in sweeps])
     weights = _weights(next(iter(sweeps.values())))
     boxes = {
-        (f"ours, weight {MEANING[name]}", _READING_COLOURS[name]): table[table["reading"] == name]
+        (f"ours, weight {MEANING[name]}", READING_COLOURS[name]): table[table["reading"] == name]
         for name in sweeps
     }
     if published is not None:
@@ -175,7 +183,7 @@ def draw_cost(
             panel.grid(True, axis="y")
             for edge in range(1, len(weights)):
                 panel.axvline(edge - 0.5, color="0.9", linewidth=0.5, zorder=0)
-        axes[0].legend()
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         _weight_axis(axes[-1], weights, _failed(pd.concat(sweeps.values())))
         save_figure(figure, stem)
     write_rows(f"{stem}.csv", table.to_dict("records"))
@@ -204,7 +212,7 @@ def _ranges(heights: np.ndarray) -> list[tuple[str, float]]:
 
 def _draw_path(panel: Axes, column: int, weight: str, pixels: np.ndarray, errors: np.ndarray) -> None:
     """One path: dots that grow with the iteration, and the iterations' numbers in a column."""
-    colour, style = _PATH_COLOURS[column], _LINES[column]
+    colour, style = (COLOURS[FREE], *PRIOR_SHADES)[column], _LINES[column]
     panel.plot(pixels, errors, color=colour, linestyle=style)
     panel.scatter(pixels, errors, s=3.0 + 2.5 * np.arange(len(errors)), color=colour, linewidth=0, zorder=3)
     place = 0.045 + 0.08 * column

@@ -10,11 +10,11 @@ from vigauge.files import write_rows
 
 from ..experiments.reading import PAPER, slopes
 from ..prior import INFORMATION, MEANING, RESIDUAL
-from .style import PAGE, PUBLISHED, new_figure, save_figure
+from .style import PAGE, PUBLISHED, READING_COLOURS, new_figure, save_figure
 
 _LINES = {
-    RESIDUAL: (f"ours, weight {MEANING[RESIDUAL]}", "#5D3A9B", "s", "--"),
-    INFORMATION: (f"ours, weight {MEANING[INFORMATION]}", "#E66100", "^", ":"),
+    RESIDUAL: (f"ours, weight {MEANING[RESIDUAL]}", READING_COLOURS[RESIDUAL], "s", "--"),
+    INFORMATION: (f"ours, weight {MEANING[INFORMATION]}", READING_COLOURS[INFORMATION], "^", ":"),
     PAPER: ("paper's Fig. 6", PUBLISHED, "o", "-"),
 }
 _PANELS = {"position_m": "Position", "yaw_rad": "Yaw"}

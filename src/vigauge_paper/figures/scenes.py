@@ -15,11 +15,10 @@ from vigauge.geometry.so3 import Array
 from vigauge.model.archive import load_states
 from vigauge.synthetic.landmarks import PLANES
 
-from .style import COLOURS, PAGE, new_figure, save_figure
+from .style import OTHERS, PAGE, new_figure, save_figure
 
 _LAYOUT_ON_PLANES = "plane"
-_PLANE_COLOURS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999999")
-_LANDMARKS = "#009E73"
+_LANDMARKS = "#555555"
 
 
 def plane_patches(X_W: Array) -> dict[int, tuple[Array, np.ndarray]]:
@@ -46,7 +45,7 @@ def _draw_landmarks(panel: Any, X_W: Array, on_planes: bool) -> None:
         return
     for number, (plane, (corners, rows)) in enumerate(plane_patches(X_W).items()):
         label = "_" if number else "landmarks"  # a colour a plane, one entry of the legend
-        colour = _PLANE_COLOURS[plane]
+        colour = OTHERS[plane]
         sides = corners[[[0, 1], [3, 2]]].transpose(2, 0, 1)
         panel.plot_surface(*sides, color=colour, edgecolor=colour, alpha=0.2, shade=False, clip_on=False)
         panel.scatter(*X_W[rows].T, s=5, color=colour, linewidth=0, clip_on=False, label=label)
@@ -62,8 +61,8 @@ def draw_scenes(titles: Sequence[str], truths: Sequence[Path], paths: Sequence[P
             truth = load_states(truth_file)[0]
             path = pd.read_csv(path_file)
             _draw_landmarks(panel, truth.X_W, title.endswith(_LAYOUT_ON_PLANES))
-            panel.plot(path.x_m, path.y_m, path.z_m, color=COLOURS["fix"], linewidth=1.4, label="trajectory")
-            panel.scatter(*truth.p_W.T, s=10, color=COLOURS["fix"], depthshade=False, label="keyframes")
+            panel.plot(path.x_m, path.y_m, path.z_m, color="black", linewidth=1.4, label="trajectory")
+            panel.scatter(*truth.p_W.T, s=10, color="black", depthshade=False, label="keyframes")
             panel.set_title(title)
             panel.set_xlabel("x (m)", labelpad=-6)
             panel.set_ylabel("y (m)", labelpad=-4)

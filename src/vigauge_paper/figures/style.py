@@ -23,13 +23,26 @@ from matplotlib.figure import Figure
 from vigauge.files import atomic_path
 
 from ..ids import STAND_IN
+from ..prior import INFORMATION, RESIDUAL
+from .narrow import stack
 
 # Width of one and of two columns, inches.
 COLUMN = 3.5
 PAGE = 7.16
 
-# Okabe and Ito's palette, nearest to the paper's blue, red and green.
-COLOURS = {"fix": "#0072B2", "free": "#D55E00", "prior": "#009E73"}
+# A colour a gauge, everywhere: Okabe and Ito's palette, nearest to the paper's blue, red and green.
+COLOURS = {
+    "fix": "#0072B2",
+    "free": "#D55E00",
+    "prior": "#009E73",
+    "keyframe": "#CC79A7",
+    "centroid": "#E69F00",
+}
+# The prior under four weights, from weak to strong: its green, lighter and darker.
+PRIOR_SHADES = ("#52BF9C", "#009E73", "#005A42", "#00261B")
+# What is no gauge: readings of a weight, sequences, planes of a scene. The first ones stand alone.
+OTHERS = ("#5D3A9B", "#999933", "#882255", "#88CCEE", "#555555")
+READING_COLOURS = dict(zip((RESIDUAL, INFORMATION), OTHERS, strict=False))
 MARKERS = {"fix": "o", "free": "s", "prior": "^"}
 LABELS = {"fix": "Fix", "free": "Free", "prior": "Prior"}
 PUBLISHED = "#8C8C8C"
@@ -65,20 +78,32 @@ def new_figure(
 
 
 def save_figure(figure: Figure, stem: str | os.PathLike[str]) -> None:
-    """Write ``stem``.pdf and ``stem``.png, each all or nothing."""
-    for ending, metadata in (
-        (".pdf", {"CreationDate": None, "Producer": None, "Creator": None}),
-        (".png", {"Software": None}),
-    ):
-        with atomic_path(Path(f"{stem}{ending}")) as temporary:
-            figure.savefig(temporary, metadata=metadata)
+    """Write ``stem``.pdf, ``stem``.png and, of one column, its :func:`narrow` PNG, each all or nothing.
+
+    The figure itself is of one column afterwards.
+    """
+    png = Path(f"{stem}.png")
+    _write(figure, Path(f"{stem}.pdf"), {"CreationDate": None, "Producer": None, "Creator": None})
+    _write(figure, png, {"Software": None})
+    stack(figure, COLUMN)
+    _write(figure, narrow(png), {"Software": None})
+
+
+def narrow(png: Path) -> Path:
+    """Where the PNG of a figure stands whose panels are stacked for a phone."""
+    return png.parent / "narrow" / png.name
+
+
+def _write(figure: Figure, file: Path, metadata: dict[str, None]) -> None:
+    with atomic_path(file) as temporary:
+        figure.savefig(temporary, metadata=metadata)
 
 
 def draw_withheld(stem: str | os.PathLike[str], why: str, rendered: bool) -> None:
     """Write a figure that has no numbers to show, and says why."""
-    with new_figure(PAGE, 1.2) as (figure, axes):
+    with new_figure(COLUMN, 1.6) as (figure, axes):
         axes.set_axis_off()
-        text = "\n".join(textwrap.wrap(f"Covariance withheld. {why}.", 100))
+        text = textwrap.fill(f"Covariance withheld. {why}.", 55)
         axes.text(0.5, 0.5, text, ha="center", va="center", fontsize=8, transform=axes.transAxes)
         note_stand_in(figure, rendered)
         save_figure(figure, stem)

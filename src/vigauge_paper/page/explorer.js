@@ -5,8 +5,8 @@ const gaugeExplorer = (() => {
   if (!element("explorer-data")) return null;
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue(`--${name}`).trim();
-  // The figures' palette, that of Okabe and Ito.
-  const COLOURS = { fix: colour("fix"), prior: colour("prior"), free: colour("free"), motion: colour("free"), keyframe: "#CC79A7", centroid: "#E69F00" };
+  // The figures' palette.
+  const COLOURS = { fix: colour("fix"), prior: colour("prior"), free: colour("free"), motion: colour("free"), keyframe: colour("keyframe"), centroid: colour("centroid") };
   const HELD = [240, 228, 66];
   const GREY = "#8C8C8C";
   const FIX = { kind: "fix" };
@@ -206,7 +206,7 @@ const gaugeExplorer = (() => {
     const curve = (points) => d3.line()(points.map(([alpha, s]) => at(alpha, s)));
     const along = (from, to, s) => d3.range(41).map((k) => [from + ((to - from) * k) / 40, s]);
     const paths = [
-      { points: along(-1.35 * widest(e), 1.35 * widest(e), 0), stroke: COLOURS.fix, width: 2.5 },
+      { points: along(-1.35 * widest(e), 1.35 * widest(e), 0), stroke: "#000", width: 2.5 },
       { points: d3.range(-0.3, 1.2, 0.05).map((s) => [kappa * s, s]), stroke: tint, width: 2.5, dash: "7 4" },
       { points: along(place + a, a, b), stroke: GREY, width: 1.3, dash: "2 3" },
       { points: along(a, kappa * b, b), stroke: GREY, width: 1.3, dash: "2 3" },
@@ -220,7 +220,7 @@ const gaugeExplorer = (() => {
     svg.selectAll("path.line").data(paths).join("path").attr("class", "line").attr("d", (p) => curve(p.points)).attr("stroke", (p) => p.stroke)
       .attr("stroke-width", (p) => p.width).attr("stroke-dasharray", (p) => p.dash ?? null).attr("marker-end", (p) => (p.arrow ? "url(#tip)" : null));
     const words = [
-      { text: "orbit: estimates of the same cost", at: at(0, -0.43), anchor: "middle", fill: COLOURS.fix },
+      { text: "orbit: estimates of the same cost", at: at(0, -0.43), anchor: "middle", fill: "#000" },
       { text: "gauge", at: at(1.2 * kappa, 1.22), anchor: "middle", fill: tint },
       { text: "Δθ", at: at(place + a, b + 0.1), anchor: "middle", fill: "#000" },
       { text: "carried", at: at(a, b + 0.1), anchor: "middle", fill: "#555" },

@@ -20,15 +20,13 @@ from ..claims import THEMES, Verdict, evidence_links, headline
 from ..claims.ledger import TIMED, UNRESOLVED
 from ..experiments.registry import EXPERIMENTS
 from ..figures.registry import FIGURES
-from ..figures.style import COLOURS
+from ..figures.style import COLOURS, narrow
 from ..ids import STAND_IN, TABLES
 from . import markdown
 from .caption import caption
 
 # Longer tables are cut in the page; the files have all.
 SHOWN_ROWS = 40
-# From this width on, in pixels of the PNG, a figure is of two columns: on a phone it scrolls sideways.
-WIDE = 1000
 # Figures that the paper does not have.
 NOT_IN_THE_PAPER = ("nees", "prior_reading", "fig_errors", "biases")
 # Heading in claims.md of the sensitivity sweep, which is only made when asked for.
@@ -39,7 +37,8 @@ SENSITIVITY = "Where in the range of our assumptions"
 class Material:
     """What the page is made of.
 
-    ``rows`` of claims.csv and ``why`` by claim; ``claims`` the text of claims.md; ``figures`` (PNG),
+    ``rows`` of claims.csv and ``why`` by claim; ``claims`` the text of claims.md; ``figures`` (PNG, each with
+    its narrow one where :func:`~..figures.style.narrow` says),
     ``tables`` (Markdown) and the ``evidence`` of experiments (CSV) by name; ``captions`` folder of the
     figures' captions;
     ``source`` of the sequences ('euroc', 'rendered' or 'other'); ``published`` figures that show the
@@ -122,14 +121,15 @@ def _places(m: Material) -> dict[str, str]:
 
 def _figure(key: str, m: Material) -> dict[str, object]:
     figure, file = FIGURES[key], m.figures[key]
-    data = file.read_bytes()
+    image, stacked = (base64.b64encode(png.read_bytes()).decode("ascii") for png in (file, narrow(file)))
     return {
         "key": key,
         "title": figure.title,
         "shows": figure.shows,
         "caption": caption(m.captions / f"{key}.rst", m.source, key in m.published),
-        "image": base64.b64encode(data).decode("ascii"),
-        "wide": int.from_bytes(data[16:20]) > WIDE,
+        "image": image,
+        # A figure of one column is as it is on a phone.
+        "narrow": stacked if stacked != image else "",
         "files": [file.with_suffix(ending).name for ending in (".pdf", figure.numbers)],
         "claims": [row for row in m.rows if key in evidence_links(row["id"], m.figures)],
     }

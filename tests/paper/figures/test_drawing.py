@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from vigauge.model.archive import load_arrays, save_arrays, save_states
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import solve
 from vigauge.synthetic.landmarks import PLANES
-from vigauge_paper.figures import cost, ellipses, errors, matrices, orbit, prior, scenes, style
+from vigauge_paper.figures import cost, ellipses, errors, matrices, narrow, orbit, prior, scenes, style
 from vigauge_paper.figures.chart import Chart
 from vigauge_paper.prior import READINGS
 
@@ -90,8 +91,8 @@ def test_same_results_give_the_same_bytes(written: Path, name: str) -> None:
     """Catches a date, a random identifier or a program's name in a figure file."""
     for run in ("a", "b"):
         DRAWINGS[name](written, written / run / "fig")
-    made = sorted(file.name for file in (written / "a").iterdir())
-    assert {"fig.pdf", "fig.png"} < set(made)
+    made = sorted(str(file.relative_to(written / "a")) for file in (written / "a").rglob("fig.*"))
+    assert {"fig.pdf", "fig.png", "narrow/fig.png"} < set(made)
     for file in made:
         assert (written / "a" / file).read_bytes() == (written / "b" / file).read_bytes(), file
 
@@ -106,7 +107,7 @@ def test_a_failing_writer_leaves_no_file(written: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(Figure, "savefig", fail)
     with pytest.raises(OutputError, match="disk full; nothing was changed"):
         DRAWINGS["matrices"](written, written / "out" / "fig")
-    assert not [file for file in (written / "out").iterdir() if file.suffix in (".png", ".pdf")]
+    assert not [file for file in (written / "out").rglob("*") if file.suffix in (".png", ".pdf")]
 
 
 def test_figure_sizes_are_the_journals_columns(written: Path) -> None:
@@ -117,6 +118,24 @@ def test_figure_sizes_are_the_journals_columns(written: Path) -> None:
     height, width = matplotlib.image.imread(written / "fig.png").shape[:2]
     assert width == round(200 * style.PAGE)
     assert 0 < height < 200 * 5
+
+
+def test_panels_are_stacked_for_a_phone() -> None:
+    """Catches panels that overlap, stay side by side, or lose the label they shared with their row."""
+    with style.new_figure(style.PAGE, 4.0, 2, 2, sharey="row") as (figure, axes):
+        for number, panel in enumerate(axes.T.flat):
+            panel.set_title(f"panel {number}")
+            panel.imshow(np.eye(3))
+        figure.colorbar(axes[0, 0].images[0], ax=axes[:, 0], location="bottom")
+        axes[0, 0].set_ylabel("error")
+        narrow.stack(figure, style.COLUMN)
+        figure.draw_without_rendering()
+        boxes = [panel.get_tightbbox() for panel in axes.T.flat]
+        assert figure.get_figwidth() == style.COLUMN
+        assert all(above.y0 >= below.y1 for above, below in pairwise(boxes))
+        assert all(box.x0 >= 0 and box.x1 <= figure.bbox.width for box in boxes)
+        assert axes[0, 1].get_ylabel() == "error"
+        assert axes[0, 1].yaxis.get_tick_params()["labelleft"]
 
 
 @pytest.mark.parametrize("rendered", [True, False])
@@ -381,7 +400,7 @@ def test_sketches_name_their_axes_point_along_the_paths_and_keep_words_inside(
     chart = Chart.around(trial(), estimate())
     orbit.draw_paths(chart, solutions_of, tmp_path / "paths", 50.0)
     orbit.draw_transformation(chart, tmp_path / "carried")
-    assert set(arrows) == set(style.COLOURS.values())
+    assert set(arrows) == {style.COLOURS[gauge] for gauge in style.LABELS}
 
 
 def test_failures_are_counted_where_they_happened(tmp_path: Path, texts: list[str]) -> None:

@@ -14,6 +14,7 @@ from markupsafe import escape
 from support.material import PIXEL, material_of
 from vigauge_paper.claims import CLAIMS, THEMES
 from vigauge_paper.figures.registry import FIGURES
+from vigauge_paper.figures.style import narrow
 from vigauge_paper.ids import STAND_IN, TABLES
 from vigauge_paper.page.index import Material, index_page
 
@@ -92,6 +93,14 @@ def test_figures_tables_and_experiments_are_in_the_page(material: Material) -> N
     assert "&lt;orbit&gt;" in text and "<orbit>" not in text
     assert '<summary>orbit <span class="about">The cost on an orbit, Eq. (3)</span></summary>' in text
     assert "and 2 more rows in the file" in text and "0.1235" in text
+
+
+def test_a_phone_gets_the_stacked_picture(material: Material) -> None:
+    """Catches a figure of two columns that a phone shrinks until nobody can read it."""
+    narrow(material.figures["fig09"]).write_bytes(b"stacked")
+    sources = [value for tag, _, value in Attributes(index_page(material)).found if tag == "source"]
+    assert len(sources) == 2 and sources[0] == "screen and (max-width: 46rem)"
+    assert sources[1] == f"data:image/png;base64,{base64.b64encode(b'stacked').decode()}"
 
 
 def test_a_stand_in_is_never_shown_as_euroc(material: Material) -> None:
