@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+# A row of a table, by column.
+Row = dict[str, object]
+
 # The three approaches, in the order of the paper's legends, and those that are compared with fixation.
 FIX, FREE, PRIOR = "fix", "free", "prior"
 GAUGES = (FIX, FREE, PRIOR)

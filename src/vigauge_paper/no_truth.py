@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from .ids import ERRORS, ESTIMATED, FIX, GAUGES, HEADLINE, KNOWN
-from .tables import Row
+from .ids import ERRORS, ESTIMATED, FIX, GAUGES, HEADLINE, KNOWN, Row
 
 DISTANCES = ("relative_frobenius_same_point", "relative_frobenius_converged")
 

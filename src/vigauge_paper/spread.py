@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from .ids import ERRORS, FIX, FREE, GAUGES, HEADLINE
-
-Row = dict[str, object]
+from .ids import ERRORS, FIX, FREE, GAUGES, HEADLINE, Row
 
 _UNITS = {"p_rmse_m": ("p", 1e3, "mm"), "phi_rmse_deg": ("phi", 1.0, "deg"), "v_rmse_mps": ("v", 1e3, "mm/s")}
 QUANTITIES = (*ERRORS, *(f"start_{error}" for error in ERRORS), "iterations")

@@ -11,9 +11,7 @@ import pandas as pd
 from vigauge.files import write_rows, write_text
 from vigauge.model.archive import load_arrays
 
-from .ids import ERRORS, FIX, FREE, GAUGES, PRIOR
-
-Row = dict[str, object]
+from .ids import ERRORS, FIX, FREE, GAUGES, PRIOR, Row
 
 _UNITS = dict(zip(ERRORS, ("m", "deg", "m/s"), strict=True))
 _SHORT = {"p_rmse_m": "p (m)", "phi_rmse_deg": "phi (deg)", "v_rmse_mps": "v (m/s)"}

@@ -13,13 +13,11 @@ from vigauge.geometry.so3 import Array
 from ..experiments.biases import ERRORS_IN_WORDS, SECONDS
 from ..experiments.evidence import NoEvidenceError
 from ..experiments.statistics import Criteria, Interval, bootstrap, mean, median
-from ..ids import BIAS_ERRORS, ERRORS, ESTIMATED, FIX, FREE, KNOWN, NOT_FIXED, PRIOR
+from ..ids import BIAS_ERRORS, ERRORS, ESTIMATED, FIX, FREE, KNOWN, NOT_FIXED, PRIOR, Row
 from .claim import Verdict, resolve, same, together, verdict
 from .cost import FEWER_ITERATIONS, FREE_NEEDS_FEWER, ITERATION_RATIO
 from .covariance import PUBLISHED_CONVERGED
 from .ledger import CLAIMS
-
-Row = dict[str, object]
 
 ITERATIONS, NULLITY = "iterations", "null_space"
 SAME_POINT, CONVERGED = "relative_frobenius_same_point", "relative_frobenius_converged"

@@ -6,7 +6,7 @@ from collections.abc import Container
 
 from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import effect_size
-from ..ids import ERRORS, NOT_FIXED
+from ..ids import ERRORS, NOT_FIXED, Row
 from .accuracy import ACCURACY
 from .claim import Claim, Finding, Verdict
 from .cost import COST
@@ -14,8 +14,6 @@ from .covariance import COVARIANCE
 from .prior_weight import PRIOR_WEIGHT
 from .sequences import SEQUENCES
 from .theory import THEORY
-
-Row = dict[str, object]
 
 # In the order of the paper.
 THEMES: dict[str, tuple[Claim, ...]] = {

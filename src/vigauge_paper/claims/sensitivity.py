@@ -10,12 +10,10 @@ import pandas as pd
 
 from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import Criteria
-from ..ids import ERRORS
+from ..ids import ERRORS, Row
 from ..prior import RESIDUAL
 from .claim import Verdict
 from .ledger import CLAIMS, judged
-
-Row = dict[str, object]
 
 SWEPT = (
     "same-accuracy",

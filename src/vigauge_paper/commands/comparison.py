@@ -9,10 +9,10 @@ from pathlib import Path
 from vigauge.cli.command import LOG
 from vigauge.files import write_rows, write_text
 from vigauge.solver.levenberg_marquardt import Options
-from vigauge_paper.comparison.number import Row, counts, machine, score
+from vigauge_paper.comparison.number import counts, machine, score
 from vigauge_paper.comparison.numbers import Results, numbers
 from vigauge_paper.comparison.variants import FACTOR, MOVED, OFF, VARIANTS, explained_by_chance, variants
-from vigauge_paper.ids import STAND_IN
+from vigauge_paper.ids import STAND_IN, Row
 from vigauge_paper.run.artefacts import FILE, NAMED, add_published_names, add_reading, add_solver
 from vigauge_paper.run.provenance import made_with
 from vigauge_paper.run.stage import parser, run, settings_from

@@ -17,7 +17,6 @@ from vigauge.observability.spectrum import condition_number
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge.solver.normal_equations import linearise
 from vigauge_paper.experiments.interleaved import (
-    Row,
     TimedSolve,
     Trial,
     solution_row,
@@ -26,7 +25,7 @@ from vigauge_paper.experiments.interleaved import (
     timing_row,
     trace_rows,
 )
-from vigauge_paper.ids import FREE
+from vigauge_paper.ids import FREE, Row
 from vigauge_paper.prior import READINGS, information
 from vigauge_paper.run.artefacts import FILE, add_solver
 from vigauge_paper.run.progress import progress

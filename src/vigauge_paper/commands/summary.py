@@ -13,12 +13,11 @@ import pandas as pd
 from vigauge.files import write_text
 from vigauge_paper.claims import Verdict
 from vigauge_paper.figures.registry import FIGURES
-from vigauge_paper.ids import ERRORS, FIX, FREE, STAND_IN
+from vigauge_paper.ids import ERRORS, FIX, FREE, STAND_IN, Row
 from vigauge_paper.run.artefacts import FILE, add_published_names
 from vigauge_paper.run.stage import parser, run
 from vigauge_paper.tables import markdown
 
-Row = dict[str, object]
 FIG07, FIG11 = (FIGURES[key].stem for key in ("fig07", "fig11"))
 
 

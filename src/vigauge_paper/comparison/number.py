@@ -10,9 +10,7 @@ from numpy.typing import ArrayLike
 
 from vigauge.geometry.so3 import Array
 
-from ..ids import TABLES
-
-Row = dict[str, object]
+from ..ids import TABLES, Row
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-Row = dict[str, object]
+from ..ids import Row
 
 # Of the random tables: numbers off by up to OFF either way, VARIANTS that move each by up to MOVED.
 OFF, VARIANTS, MOVED = 10.0, 30, 3.0

@@ -19,8 +19,8 @@ from vigauge.model.evaluation import trajectory_errors
 from vigauge.solver.levenberg_marquardt import Options, solve
 from vigauge.synthetic.scenario import Scene, make_scene, make_trial
 
-from ..ids import CONFIGURATIONS, ERRORS, TRAJECTORIES
-from .experiment import Experiment, Material, Row
+from ..ids import CONFIGURATIONS, ERRORS, TRAJECTORIES, Row
+from .experiment import Experiment, Material
 
 
 @dataclass(frozen=True)

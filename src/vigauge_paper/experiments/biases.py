@@ -25,8 +25,8 @@ from vigauge.solver.reintegration import solve_with_samples
 from vigauge.synthetic.biases import BiasedTrial, make_biased_trial
 from vigauge.synthetic.scenario import make_scene, make_trial
 
-from ..ids import BIAS_ERRORS, CONFIGURATIONS, ERRORS, ESTIMATED, FIX, KNOWN
-from .experiment import Experiment, Material, Row
+from ..ids import BIAS_ERRORS, CONFIGURATIONS, ERRORS, ESTIMATED, FIX, KNOWN, Row
+from .experiment import Experiment, Material
 from .interleaved import TimedSolve, Trial, solve_interleaved
 
 SECONDS = "seconds_per_iteration"

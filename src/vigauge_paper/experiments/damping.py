@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 from vigauge.gauge.gauges import three_gauges
 
+from ..ids import Row
 from .evidence import Evidence
 from .experiment import Experiment, Material
 from .solves import solve_all
-
-Row = dict[str, object]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,9 @@ from vigauge.geometry.so3 import Array
 from vigauge.model.archive import load_arrays
 from vigauge.model.evaluation import relative_frobenius
 
+from ..ids import Row
 from .evidence import Evidence, NoEvidenceError
-from .experiment import Experiment, Material, NoSettings, Row
+from .experiment import Experiment, Material, NoSettings
 
 
 def exchanged(covariance: Array) -> Array:

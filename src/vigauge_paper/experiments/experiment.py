@@ -14,7 +14,7 @@ from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge.synthetic.settings import SimulationSettings
 
-Row = dict[str, object]
+from ..ids import Row
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options, Solution, solve
 
-Row = dict[str, object]
+from ..ids import ERRORS, Row
 
 
 @dataclass(frozen=True)
@@ -85,14 +85,10 @@ def solution_row(timed: TimedSolve, truth: State, label: str = "gauge") -> Row:
         "converged": solution.converged,
         "iterations": solution.iterations,
         "cost": solution.cost,
-        "p_rmse_m": end.p_rmse_m,
-        "phi_rmse_deg": end.phi_rmse_deg,
-        "v_rmse_mps": end.v_rmse_mps,
+        **{name: getattr(end, name) for name in ERRORS},
         "p_rmse_all_poses_m": trajectory_errors(solution.state, truth, align_all_poses).p_rmse_m,
         "start_p_rmse_all_poses_m": trajectory_errors(problem.initial, truth, align_all_poses).p_rmse_m,
-        "start_p_rmse_m": start.p_rmse_m,
-        "start_phi_rmse_deg": start.phi_rmse_deg,
-        "start_v_rmse_mps": start.v_rmse_mps,
+        **{f"start_{name}": getattr(start, name) for name in ERRORS},
         "mean_reprojection_px": solution.trace[-1].mean_reprojection_px,
     }
 

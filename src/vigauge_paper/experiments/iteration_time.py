@@ -14,12 +14,13 @@ from scipy.linalg import cho_factor, cho_solve
 
 from vigauge.gauge.gauges import Gauge, three_gauges
 from vigauge.model.problem import Problem
-from vigauge.solver.levenberg_marquardt import Options, solve
+from vigauge.solver.levenberg_marquardt import Options
 from vigauge.synthetic.scenario import make_scene, make_trial
 
-from ..ids import CONFIGURATIONS
+from ..ids import CONFIGURATIONS, Row
 from .evidence import Evidence
-from .experiment import Experiment, Material, Row
+from .experiment import Experiment, Material
+from .interleaved import Trial, solve_interleaved
 
 Clock = Callable[[], float]
 
@@ -50,23 +51,17 @@ def iteration_times(
         parameter_tolerance=0.0,
         maximum_iterations=settings.iterations,
     )
-    names = list(gauges)
-    for name in names:
-        solve(problem, gauges[name], fixed_length)
-    rows: list[Row] = []
-    for repeat in range(settings.repeats):
-        turn = repeat % len(names)
-        for name in names[turn:] + names[:turn]:
-            solution = solve(problem, gauges[name], fixed_length, clock=clock)
-            rows.append(
-                {
-                    "n_keyframes": problem.initial.n_keyframes,
-                    "what": name,
-                    "repeat": repeat,
-                    "seconds": solution.seconds / max(solution.iterations, 1),
-                }
-            )
-    return rows
+    trial = Trial({"n_keyframes": problem.initial.n_keyframes}, problem)
+    timed = solve_interleaved([trial], gauges, fixed_length, clock=clock, repeats=settings.repeats)
+    return [
+        {
+            **trial.labels,
+            "what": one.gauge,
+            "repeat": one.repeat,
+            "seconds": one.solution.seconds / max(one.solution.iterations, 1),
+        }
+        for one in timed
+    ]
 
 
 def dense_times(n_keyframes: int, repeats: int, rng: np.random.Generator, clock: Clock) -> list[Row]:

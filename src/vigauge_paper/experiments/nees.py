@@ -28,8 +28,8 @@ from vigauge.solver.levenberg_marquardt import Options, solve
 from vigauge.solver.residuals import cost
 from vigauge.synthetic.scenario import Scene, make_scene, make_trial, measured_imu
 
-from ..ids import CONFIGURATIONS
-from .experiment import Experiment, Material, Row
+from ..ids import CONFIGURATIONS, Row
+from .experiment import Experiment, Material
 
 RIGHT = "as simulated"
 HALVED, SIGMAS_RIGHT = "sigmas halved", "sigmas as drawn"

@@ -10,7 +10,8 @@ from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.residuals import cost
 
-from .experiment import Experiment, Material, Row
+from ..ids import Row
+from .experiment import Experiment, Material
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from ..ids import FREE
+from ..ids import FREE, Row
 from ..prior import READINGS
 from .evidence import Evidence, NoEvidenceError
-from .experiment import Experiment, Material, NoSettings, Row
+from .experiment import Experiment, Material, NoSettings
 
 PAPER = "paper"
 QUANTITIES = {"position_m": "prior_position_m", "yaw_rad": "prior_yaw_rad"}

@@ -10,9 +10,7 @@ from vigauge.model.evaluation import trajectory_errors
 from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options, solve
-from vigauge_paper.ids import HEADLINE
-
-Row = dict[str, object]
+from vigauge_paper.ids import ERRORS, HEADLINE, Row
 
 
 def under_noise(
@@ -49,9 +47,7 @@ def solve_all(
                     "iterations": solution.iterations,
                     "rejected": sum(not row.accepted for row in solution.trace),
                     "cost": solution.cost,
-                    "p_rmse_m": errors.p_rmse_m,
-                    "phi_rmse_deg": errors.phi_rmse_deg,
-                    "v_rmse_mps": errors.v_rmse_mps,
+                    **{name: getattr(errors, name) for name in ERRORS},
                 }
             )
     return rows

@@ -8,12 +8,10 @@ import pandas as pd
 
 from vigauge.gauge.gauges import three_gauges
 
-from ..ids import ERRORS, FIX, FREE
+from ..ids import ERRORS, FIX, FREE, Row
 from .evidence import Evidence
 from .experiment import Experiment, Material
 from .solves import solve_all
-
-Row = dict[str, object]
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 from vigauge.gauge.gauges import FixedGauge, Gauge, PriorGauge
 
-from ..ids import ERRORS, FIX
+from ..ids import ERRORS, FIX, Row
 from .evidence import Evidence
 from .experiment import Experiment, Material
 from .solves import solve_all
-
-Row = dict[str, object]
 
 
 @dataclass(frozen=True)

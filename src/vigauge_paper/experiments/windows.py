@@ -12,9 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..ids import GAUGES
-
-Row = dict[str, object]
+from ..ids import GAUGES, Row
 
 # Errors that are compared at the start and at the optimum: aligned by the first pose, as in the
 # paper; and positions aligned over all poses, where an error of the first true pose does not

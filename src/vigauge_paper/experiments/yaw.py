@@ -12,7 +12,8 @@ from vigauge.model.problem import Problem
 from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options, solve
 
-from .experiment import Experiment, Material, Row, Trials
+from ..ids import Row
+from .experiment import Experiment, Material, Trials
 
 
 def _yaw(state: State, start: State) -> float:
