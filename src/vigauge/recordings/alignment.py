@@ -21,11 +21,11 @@ import scipy.sparse
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import integers, number, reals, require_rotations
-from ..errors import DataError, DegenerateError, SolverError, VigaugeError
+from ..errors import DataError, DegenerateError, SolverError
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..model.imu import ImuNoise, ImuSamples, Preintegrated, preintegrate
-from .frontend.initialisation import turn_onto
+from .frontend.initialisation import length_of_gravity, turn_onto
 
 # Turn-on bias of a MEMS accelerometer without calibration at the factory: 20 mg.
 ACCEL_BIAS_SIGMA_MPS2 = 0.2
@@ -147,22 +147,25 @@ def align(
     """
     window = _Window.of(p_M, R_MB, samples, t_ns, noise, gravity, p_B, accel_bias_sigma, largest_gap_s)
     guess = (_STEP_SHARE * window.median_step or _STEP_M, _STEP_RAD) if scale else (_STEP_M, _STEP_RAD)
-    sigma = np.array(
-        guess if step_sigma is None else reals("alignment", step_sigma, (2,), field="step_sigma")
-    )
+    sigma = reals("alignment", guess if step_sigma is None else step_sigma, (2,), field="step_sigma")
     if np.any(sigma <= 0.0):
         raise DataError("alignment", "must be positive", field="step_sigma", value=sigma.tolist())
     state, free_gravity = _linear_start(window, sigma, scale)
-    state, basis, covariance, sigma = _refined(
-        window, state, sigma, scale, fixed_sigma=step_sigma is not None
-    )
+    state, basis, covariance, sigma = _refined(window, state, sigma, scale, step_sigma is not None)
+    return _result(window, state, basis, covariance, sigma, free_gravity)
+
+
+def _result(
+    window: _Window, state: _State, basis: Array, covariance: Array, sigma: Array, free_gravity: float
+) -> Alignment:
+    """What was found, in the terms of who asked. DegenerateError where the scale is a guess."""
     shared = basis[:_SHARED] @ covariance @ basis[:_SHARED].T
     scale_sigma = float(np.sqrt(shared[_SCALE, _SCALE].item())) / state.scale
     if scale_sigma > _LARGEST_SCALE_SIGMA:
         known = f" to {100 * _LARGEST_SCALE_SIGMA:.0f} % (its sigma is {100 * scale_sigma:.0f} %)"
         raise DegenerateError(_NO_SCALE.format(known=known))
     # The turn w of gravity that moves it by dg is g x dg / |g|^2.
-    to_turn = scipy.linalg.block_diag(np.eye(6), so3.hat(state.g_M) / gravity**2)
+    to_turn = scipy.linalg.block_diag(np.eye(6), so3.hat(state.g_M) / window.gravity**2)
     covariance_of_shared = to_turn @ shared[:9, :9] @ to_turn.T
     velocity = np.arange(_SHARED, basis.shape[0]).reshape(-1, _WIDTH)[:, 6:].ravel()
     velocity_variance = np.einsum("ij,jk,ik->i", basis[velocity], covariance, basis[velocity])
@@ -393,12 +396,7 @@ def _linear_start(window: _Window, sigma: Array, scale: bool) -> tuple[_State, f
     step = np.zeros(A.shape[1])
     step[wanted] = np.linalg.lstsq(np.vstack([A, prior])[:, wanted], -np.append(b, zero), rcond=None)[0]
     state = state.moved(step)
-    length = float(np.linalg.norm(state.g_M))
-    if not 0.5 * window.gravity < length < 1.5 * window.gravity:
-        raise VigaugeError(
-            f"visual-inertial alignment finds gravity of {length:.2f} m/s^2 instead of {window.gravity:.2f}: "
-            "poses and inertial data do not belong together"
-        )
+    length = length_of_gravity(state.g_M, window.gravity)
     return replace(state, g_M=state.g_M * (window.gravity / length)), length
 
 
@@ -430,16 +428,13 @@ def _refined(
         step = -covariance @ (A.T @ residual)
         state = state.moved(basis @ step)
         state = replace(state, g_M=state.g_M * (window.gravity / np.linalg.norm(state.g_M)))
-        settled = True
+        before = sigma
         if not fixed_sigma:
-            before = sigma
-            left_over = (residual[: len(seen)] + seen @ step).reshape(-1, 2, 3)
-            # Of the residuals of each kind, how many the unknowns do not take up.
-            taken = np.einsum("ij,ij->i", seen @ covariance, seen).reshape(-1, 2, 3)
-            free = np.sum(1.0 - taken, axis=(0, 2))
-            squares = np.sum(left_over**2, axis=(0, 2))
-            sigma = sigma * np.sqrt((squares + _GUESS_WEIGHT * (guess / sigma) ** 2) / (free + _GUESS_WEIGHT))
-            settled = bool(np.all(np.abs(sigma / before - 1.0) < _SETTLED))
+            left_over = residual[: len(seen)] + seen @ step
+            sigma = _told_by_residuals(
+                sigma, guess, left_over, np.einsum("ij,ij->i", seen @ covariance, seen)
+            )
+        settled = bool(np.all(np.abs(sigma / before - 1.0) < _SETTLED))
         if state.scale <= 0.0:
             break
         if settled and float(np.linalg.norm(A @ step)) < _SMALL_STEP:
@@ -450,6 +445,13 @@ def _refined(
         f"visual-inertial alignment does not settle in {_MOST_ROUNDS} rounds: poses and inertial data do not "
         "belong together, or the window is too short"
     )
+
+
+def _told_by_residuals(sigma: Array, guess: Array, left_over: Array, taken: Array) -> Array:
+    """(2,) sigmas of a visual step by whitened residuals (6 F,), of which the unknowns take up ``taken``."""
+    squares = np.sum(left_over.reshape(-1, 2, 3) ** 2, axis=(0, 2))
+    free = np.sum(1.0 - taken.reshape(-1, 2, 3), axis=(0, 2))
+    return sigma * np.sqrt((squares + _GUESS_WEIGHT * (guess / sigma) ** 2) / (free + _GUESS_WEIGHT))
 
 
 def _directions(g_M: Array, n: int, scale: bool) -> Array:

@@ -26,7 +26,7 @@ from ..alignment import Alignment, align
 from ..asl.ground_truth import GroundTruth
 from ..asl.images import read_image
 from ..asl.sequence import Sequence
-from .descriptor_matching import MatchCounts, track_by_descriptors
+from .descriptor_matching import track_by_descriptors
 from .frames import choose_frames
 from .inertial import (
     ANY_GAP_S,
@@ -41,12 +41,12 @@ from .initialisation import GravityAlignment, align_with_gravity
 from .mapping import Map, pose_keyframes
 from .monocular import pose_up_to_scale
 from .opencv import one_thread
-from .optical_flow import FlowCounts, track_by_flow
+from .optical_flow import track_by_flow
 from .outliers import Inliers, find_inliers
 from .report import FrontEndReport
 from .settings import FrontEndSettings
 from .stereo import Image, StereoGeometry
-from .tracks import LEFT, RIGHT, Tracks
+from .tracks import LEFT, RIGHT, TrackingCounts, Tracks
 from .triangulation import Triangulation, triangulate
 
 # No gyroscope is off by more.
@@ -187,7 +187,7 @@ def _track(
     biases: Biases,
     settings: FrontEndSettings,
     progress: bool,
-) -> tuple[Tracks, FlowCounts | MatchCounts]:
+) -> tuple[Tracks, TrackingCounts]:
     """Tracks over the keyframes by the tracker that the settings name."""
     geometry = StereoGeometry.of(sequence.cameras)
     paths = (sequence.frames.left, sequence.frames.right)
@@ -275,7 +275,7 @@ def _report(
     settings: FrontEndSettings,
     window: int,
     tracks: Tracks,
-    counts: FlowCounts | MatchCounts,
+    counts: TrackingCounts,
     mapped: Map,
     alignment: Alignment | GravityAlignment,
     first: Triangulation,

@@ -8,7 +8,7 @@ Where keyframes are far apart, or there is one camera, the lines alone verify a 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -22,31 +22,14 @@ from .frames import require_change
 from .pnp import estimate_pose, reprojection_error
 from .settings import DescriptorSettings, PoseSettings, StereoSettings
 from .stereo import Image, StereoGeometry, epipolar_distance
-from .tracks import LEFT, RIGHT, Index, Tracks, concatenate, image_observations, join_matches
+from .tracks import LEFT, RIGHT, Index, TrackingCounts, Tracks, concatenate, image_observations, join_matches
 from .triangulation import triangulate_pair
 
 # A match between two views of a moving camera may be off by more than one within the rig,
 # whose calibration is exact: this many times the stereo threshold.
 _PAIR_EPIPOLAR_FACTOR = 1.5
-
-
-@dataclass
-class MatchCounts:
-    """``stereo_tried`` left features, ``stereo_matched`` of them; pairs of keyframes that were
-    verified and refused; matches lost by reason."""
-
-    stereo_tried: int = 0
-    stereo_matched: int = 0
-    pairs_verified: int = 0
-    pairs_refused: int = 0
-    lost: dict[str, int] = field(
-        default_factory=lambda: {
-            "outside the field": 0,
-            "pair refused": 0,
-            "pair geometry": 0,
-            "conflicting tracks": 0,
-        }
-    )
+# Why features and matches are lost.
+_LOST = ("outside the field", "pair refused", "pair geometry", "conflicting tracks")
 
 
 @dataclass(frozen=True)
@@ -123,7 +106,7 @@ class DescriptorMatcher:
             )
         self.wide = wide
         self.geometry, self.settings, self.stereo, self.pose = geometry, descriptors, stereo, pose
-        self.counts = MatchCounts()
+        self.counts = TrackingCounts(dict.fromkeys(_LOST, 0))
         self.detector = cv2.SIFT_create(
             nfeatures=descriptors.features,
             contrastThreshold=descriptors.contrast,
@@ -140,7 +123,7 @@ class DescriptorMatcher:
         unique.sort()
         view = (self.geometry.left, self.geometry.right)[camera]
         seen = in_field(view, raw[unique])
-        self.counts.lost["outside the field"] += int(np.count_nonzero(~seen))
+        self.counts.lose("outside the field", ~seen)
         unique = unique[seen]
         return undistort_pixels(view, raw[unique]), descriptors[unique]
 
@@ -189,10 +172,8 @@ class DescriptorMatcher:
             ideal_size(self.geometry.left, uv[known]),
         )
         if pose is None or pose.n_inliers < self.settings.pair_inliers:
-            self.counts.pairs_refused += 1
             self.counts.lost["pair refused"] += len(pairs)
             return pairs[:0]
-        self.counts.pairs_verified += 1
         inverse = np.linalg.inv(K)
         fundamental = inverse.T @ so3.hat(pose.p_CM) @ pose.R_CM @ inverse
         sizes = [ideal_size(self.geometry.left, at) for at in (first.uv[pairs[:, 0]], uv)]
@@ -200,7 +181,7 @@ class DescriptorMatcher:
         good = distance <= _PAIR_EPIPOLAR_FACTOR * self.stereo.epipolar_px
         error = reprojection_error(K, pose.R_CM, pose.p_CM, points[known], uv[known])
         good[known] &= error / sizes[1][known] <= _PAIR_EPIPOLAR_FACTOR * self.pose.reprojection_px
-        self.counts.lost["pair geometry"] += int(np.count_nonzero(~good))
+        self.counts.lose("pair geometry", ~good)
         return pairs[good]
 
     def _along_lines(self, first: _StereoFeatures, second: _StereoFeatures, pairs: Index) -> Index:
@@ -208,11 +189,9 @@ class DescriptorMatcher:
         uv_first, uv_second = first.uv[pairs[:, 0]], second.uv[pairs[:, 1]]
         step = relative_pose(uv_first, uv_second, self.geometry.left.K, self.stereo.epipolar_px)
         if step is None or np.count_nonzero(step[2]) < self.settings.pair_inliers:
-            self.counts.pairs_refused += 1
             self.counts.lost["pair refused"] += len(pairs)
             return pairs[:0]
-        self.counts.pairs_verified += 1
-        self.counts.lost["pair geometry"] += int(np.count_nonzero(~step[2]))
+        self.counts.lose("pair geometry", ~step[2])
         return pairs[step[2]]
 
 
@@ -223,7 +202,7 @@ def track_by_descriptors(
     descriptors: DescriptorSettings,
     stereo: StereoSettings,
     pose: PoseSettings,
-) -> tuple[Tracks, MatchCounts]:
+) -> tuple[Tracks, TrackingCounts]:
     """Tracks over keyframes; ``read`` gives the raw image of (frame, camera).
 
     Where a keyframe has fewer than ``descriptors.sure_matches`` matches with every one of those just

@@ -54,12 +54,7 @@ def align_with_gravity(p_M: Array, R_MB: Array, factors: InertialFactors, gravit
     A, b, sigma = _equations(p_M, R_MB, factors)
     free = np.linalg.lstsq(A / sigma[:, None], b / sigma, rcond=None)[0]
     g_M = free[-3:]
-    length = float(np.linalg.norm(g_M))
-    if not 0.5 * gravity < length < 1.5 * gravity:
-        raise VigaugeError(
-            f"visual-inertial alignment finds gravity of {length:.2f} m/s^2 instead of {gravity:.2f}: "
-            "poses and inertial data do not belong together"
-        )
+    length = length_of_gravity(g_M, gravity)
     g_M = g_M * (gravity / length)
     v_M = free[:-3]
     for _ in range(_REFINEMENTS):
@@ -91,6 +86,17 @@ def _equations(p_M: Array, R_MB: Array, factors: InertialFactors) -> tuple[Array
         b[k, 1] = R_MB[i] @ factors.dv[k]
     sigma = np.tile(np.repeat([_POSITION_SIGMA_M, _VELOCITY_SIGMA_MPS], 3), f)
     return A.reshape(6 * f, -1), b.ravel(), sigma
+
+
+def length_of_gravity(g_M: Array, gravity: float) -> float:
+    """Of a gravity that was solved for freely, m/s^2; VigaugeError where it is nowhere near ``gravity``."""
+    length = float(np.linalg.norm(g_M))
+    if not 0.5 * gravity < length < 1.5 * gravity:
+        raise VigaugeError(
+            f"visual-inertial alignment finds gravity of {length:.2f} m/s^2 instead of {gravity:.2f}: "
+            "poses and inertial data do not belong together"
+        )
+    return length
 
 
 def turn_onto(source: Array, target: Array) -> Array:

@@ -7,7 +7,6 @@ search, and correlation along the rectified row tells the disparity, where there
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -18,29 +17,13 @@ from ...geometry.so3 import Array
 from .frames import require_change
 from .settings import FlowSettings, StereoSettings
 from .stereo import Image, StereoGeometry, raw_pixels, search_disparity
-from .tracks import LEFT, RIGHT, Tracks, concatenate, image_observations
+from .tracks import LEFT, RIGHT, TrackingCounts, Tracks, concatenate, image_observations
 
 ImageReader = Callable[[int, int], Image]
 _CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01)
 _EQUALISER_CLIP, _EQUALISER_TILES = 2.0, (8, 8)
-
-
-@dataclass
-class FlowCounts:
-    """What happened to points: ``stereo_tried`` and ``stereo_matched`` over all keyframes, and
-    points lost by reason."""
-
-    stereo_tried: int = 0
-    stereo_matched: int = 0
-    lost: dict[str, int] = field(
-        default_factory=lambda: {
-            "optical flow": 0,
-            "image border": 0,
-            "outside the field": 0,
-            "stereo search": 0,
-            "stereo epipolar": 0,
-        }
-    )
+# Why points are lost.
+_LOST = ("optical flow", "image border", "outside the field", "stereo search", "stereo epipolar")
 
 
 def _flow(
@@ -88,7 +71,7 @@ class FlowTracker:
 
     def __init__(self, geometry: StereoGeometry, flow: FlowSettings, stereo: StereoSettings) -> None:
         self.geometry, self.flow, self.stereo = geometry, flow, stereo
-        self.counts = FlowCounts()
+        self.counts = TrackingCounts(dict.fromkeys(_LOST, 0))
         self.points: Array = np.empty((0, 2))
         self.track = np.empty(0, dtype=np.int64)
         self.disparity = np.empty(0)
@@ -116,9 +99,9 @@ class FlowTracker:
         there, good = _flow(first, second, points, guess, self.flow)
         inside = _inside(there, self.geometry.left, self.flow.border_px)
         seen = in_field(self.geometry.left, there)
-        self.counts.lost["optical flow"] += int(np.count_nonzero(~good))
-        self.counts.lost["image border"] += int(np.count_nonzero(good & ~inside))
-        self.counts.lost["outside the field"] += int(np.count_nonzero(good & inside & ~seen))
+        self.counts.lose("optical flow", ~good)
+        self.counts.lose("image border", good & ~inside)
+        self.counts.lose("outside the field", good & inside & ~seen)
         self.points = there
         self._keep(good & inside & seen)
 
@@ -178,7 +161,7 @@ class FlowTracker:
     def _match_right(self, right: Image, ideal_left: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Ideal right pixels (m, 2) of the current points and which are good; remembers the disparities."""
         assert self.image is not None
-        geometry, lost = self.geometry, self.counts.lost
+        geometry, counts = self.geometry, self.counts
         uv_V = geometry.to_rectified(ideal_left, LEFT)
         rectified = geometry.rectified_image(self.image, LEFT), geometry.rectified_image(right, RIGHT)
         disparity = search_disparity(*rectified, uv_V, self.disparity, self.stereo)
@@ -195,10 +178,10 @@ class FlowTracker:
         distance = geometry.epipolar_distance(ideal_left[good], uv_right[good])
         disparity = geometry.disparity(ideal_left, uv_right)
         on_line[good] = (distance <= self.stereo.epipolar_px) & (disparity[good] > 0.0)
-        lost["stereo search"] += int(np.count_nonzero(~good))
-        lost["stereo epipolar"] += int(np.count_nonzero(good & ~on_line))
-        self.counts.stereo_tried += len(good)
-        self.counts.stereo_matched += int(np.count_nonzero(on_line))
+        counts.lose("stereo search", ~good)
+        counts.lose("stereo epipolar", good & ~on_line)
+        counts.stereo_tried += len(good)
+        counts.stereo_matched += int(np.count_nonzero(on_line))
         self.disparity = np.where(on_line, disparity, np.nan)
         return uv_right, on_line
 
@@ -211,7 +194,7 @@ def track_by_flow(
     geometry: StereoGeometry,
     flow: FlowSettings,
     stereo: StereoSettings,
-) -> tuple[Tracks, FlowCounts]:
+) -> tuple[Tracks, TrackingCounts]:
     """Tracks over the keyframes of a contiguous sequence.
 
     Parameters

@@ -62,6 +62,19 @@ class Tracks:
         return rows, self.track[rows], self.uv[rows]
 
 
+@dataclass
+class TrackingCounts:
+    """``stereo_tried`` and ``stereo_matched`` left points over all keyframes; points or matches ``lost``."""
+
+    lost: dict[str, int]
+    stereo_tried: int = 0
+    stereo_matched: int = 0
+
+    def lose(self, reason: str, which: NDArray[np.bool_]) -> None:
+        """Count those where ``which`` holds."""
+        self.lost[reason] += int(np.count_nonzero(which))
+
+
 def concatenate(parts: list[Tracks], n_tracks: int) -> Tracks:
     """All observations of ``parts``, ordered by track, keyframe and camera."""
     keyframe = np.concatenate([p.keyframe for p in parts])
