@@ -55,12 +55,7 @@ def rule_rows(records: Iterable[dict[str, Any]], since: float, wall_s: float) ->
     for (rule, begin_s), end_s in jobs.items():
         seconds[rule].append(end_s - begin_s)
     rows: list[Row] = [
-        {
-            "rule": rule,
-            "jobs": len(times),
-            "seconds": round(sum(times), 2),
-            "longest_s": round(max(times), 2),
-        }
+        {"rule": rule, "jobs": len(times), "seconds": round(sum(times), 2), "longest_s": round(max(times), 2)}
         for rule, times in sorted(seconds.items(), key=lambda item: -sum(item[1]))
     ]
     longest = round(max((max(times) for times in seconds.values()), default=0.0), 2)

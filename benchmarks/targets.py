@@ -63,10 +63,7 @@ def _cell(rows: Sequence[Row], column: str, **where: object) -> tuple[object, st
 
 
 def target_rows(
-    solves: Sequence[Row],
-    covariances: Sequence[Row],
-    scaling: Sequence[Row],
-    others: Mapping[str, float],
+    solves: Sequence[Row], covariances: Sequence[Row], scaling: Sequence[Row], others: Mapping[str, float]
 ) -> list[Row]:
     """Rows of targets.csv. ``others`` may have start_s and paper_s."""
     out = []

@@ -286,10 +286,7 @@ def test_workflow_asks_for_what_the_project_asks_for() -> None:
 
 def test_versions_agree() -> None:
     """Catches a release that raises the version in one file and forgets the others."""
-    sources = {
-        "src/vigauge/__init__.py": r'^__version__ = "(.+)"$',
-        "CITATION.cff": r"^version: (.+)$",
-    }
+    sources = {"src/vigauge/__init__.py": r'^__version__ = "(.+)"$', "CITATION.cff": r"^version: (.+)$"}
     version = read_project()["project"]["version"]
     for name, pattern in sources.items():
         found = re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)

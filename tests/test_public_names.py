@@ -79,11 +79,7 @@ def test_import_is_quick() -> None:
 
 # Without biases, and with more landmarks than the other tests need.
 EXAMPLE = replace(
-    SETTINGS,
-    n_landmarks=200,
-    gyro_bias_radps=(0.0, 0.0, 0.0),
-    accel_bias_mps2=(0.0, 0.0, 0.0),
-    n_trials=1,
+    SETTINGS, n_landmarks=200, gyro_bias_radps=(0.0, 0.0, 0.0), accel_bias_mps2=(0.0, 0.0, 0.0), n_trials=1
 )
 
 

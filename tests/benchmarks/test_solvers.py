@@ -108,11 +108,7 @@ def test_ceres_takes_our_steps_with_a_loss(loss, gauge, tolerance, field, build_
     problem = with_outliers(trial(), loss)
     write_problem(tmp_path / "problem", problem)
     command = [str(build(build_folder)), str(tmp_path / "problem"), "1", str(tolerance), "200"]
-    requests = (
-        f"loss {loss.kind} {loss.delta}",
-        f"solve {gauge.name} dense_schur",
-        "state state",
-    )
+    requests = (f"loss {loss.kind} {loss.delta}", f"solve {gauge.name} dense_schur", "state state")
     requests += "covariance fix dense_svd", "matrix matrix"
     done = subprocess.run(
         command, cwd=tmp_path, input="\n".join(requests), capture_output=True, text=True, check=True

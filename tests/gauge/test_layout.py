@@ -143,14 +143,8 @@ def test_conventions_agree_with_differences(source: str, to: str) -> None:
         (lambda: vg.null_space(layout_of("left"), np.zeros((4, 3, 4))), "rotation"),
         (lambda: vg.null_space(layout_of("left"), AT_ORIGIN), "velocities"),
         (lambda: vg.as_convention(np.eye(6), np.eye(3), to="colmap"), "must be given"),
-        (
-            lambda: vg.gauge_normal(layout_of("left"), AT_ORIGIN, vg.PriorGauge(1.0)),
-            "first",
-        ),
-        (
-            lambda: vg.gauge_normal(layout_of("left"), AT_ORIGIN, vg.Distance(0, 1)),
-            "apart",
-        ),
+        (lambda: vg.gauge_normal(layout_of("left"), AT_ORIGIN, vg.PriorGauge(1.0)), "first"),
+        (lambda: vg.gauge_normal(layout_of("left"), AT_ORIGIN, vg.Distance(0, 1)), "apart"),
     ],
 )
 def test_refusals(call: object, words: str) -> None:

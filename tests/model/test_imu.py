@@ -31,11 +31,7 @@ def exact_increments(trajectory, start_ns: int, end_ns: int):
     dt, g_W = b - a, np.array([0.0, 0.0, -G])
     R_T = trajectory.R_WB(a).T
     shift_W = trajectory.p_W(b) - trajectory.p_W(a) - trajectory.v_W(a) * dt - 0.5 * g_W * dt**2
-    return (
-        R_T @ shift_W,
-        R_T @ trajectory.R_WB(b),
-        R_T @ (trajectory.v_W(b) - trajectory.v_W(a) - g_W * dt),
-    )
+    return (R_T @ shift_W, R_T @ trajectory.R_WB(b), R_T @ (trajectory.v_W(b) - trajectory.v_W(a) - g_W * dt))
 
 
 def difference(measured, dp, dR, dv) -> np.ndarray:

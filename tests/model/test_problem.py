@@ -187,8 +187,7 @@ def test_bad_inertial_factors_are_refused(field, change, rule):
     """Catches factors that would surface as an index error or a failed factorisation far away."""
     with pytest.raises(DataError, match=rule) as caught:
         replace(
-            PROBLEM,
-            inertial=replace(PROBLEM.inertial, **{field: change(getattr(PROBLEM.inertial, field))}),
+            PROBLEM, inertial=replace(PROBLEM.inertial, **{field: change(getattr(PROBLEM.inertial, field))})
         )
     assert caught.value.field == field
 

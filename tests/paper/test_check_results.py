@@ -121,11 +121,7 @@ def test_a_change_within_the_tolerance_is_ok(build: Path, file: str, old: str, n
 
 @pytest.mark.parametrize(
     ("name", "distance", "within", "beyond"),
-    [
-        (FIG09, "same_point", 9e-10, 2e-9),
-        (FIG09, "converged", 1e-3, 2e-3),
-        (FIG10, "converged", 1e-4, 1e-3),
-    ],
+    [(FIG09, "same_point", 9e-10, 2e-9), (FIG09, "converged", 1e-3, 2e-3), (FIG10, "converged", 1e-4, 1e-3)],
 )
 def test_distances_of_covariances_stay_below_their_limits(
     build: Path, name: str, distance: str, within: float, beyond: float

@@ -62,8 +62,7 @@ def test_front_end_schema_says_what_the_settings_say() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "schema"),
-    [(SimulationSettings, "simulation"), (RenderSettings, None), (Options, "solver")],
+    ("kind", "schema"), [(SimulationSettings, "simulation"), (RenderSettings, None), (Options, "solver")]
 )
 def test_schema_and_dataclass_have_the_same_keys(kind: type, schema: str | None) -> None:
     """A key that the schema allows but the code does not know, or the other way round."""

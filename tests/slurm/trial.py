@@ -150,11 +150,7 @@ def main() -> None:
         ),
         ("no stage is in the queue twice at a time", not overlapping, f"{len(overlapping)} are"),
         ("results are those of a local run, but for times", not differ, f"{len(differ)} files differ"),
-        (
-            "no job runs beside a timed one",
-            not beside,
-            f"{alone} ran alone",
-        ),
+        ("no job runs beside a timed one", not beside, f"{alone} ran alone"),
         ("the sentence of a stage that fails reaches the terminal", fails, f"{len(shown)} lines"),
     ]
     names = ("check", "holds", "seen")

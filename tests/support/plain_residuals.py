@@ -166,7 +166,5 @@ def inertial_term(problem: Problem, state: State) -> InertialTerm:
         at_zero = keyframe == 0
         block[at_zero, :, 3:6] = block[at_zero, :, 3:6] @ chain
     return InertialTerm(
-        residual=inertial_residual(problem, state),
-        by_first=f.whitener @ first,
-        by_second=f.whitener @ second,
+        residual=inertial_residual(problem, state), by_first=f.whitener @ first, by_second=f.whitener @ second
     )

@@ -81,11 +81,7 @@ def with_noise_of_its_own(problem: Problem, seed: int) -> Problem:
 
 
 def random_problem(
-    seed: int,
-    n_keyframes: int = 4,
-    n_landmarks: int = 7,
-    window: int | None = None,
-    biases: bool = False,
+    seed: int, n_keyframes: int = 4, n_landmarks: int = 7, window: int | None = None, biases: bool = False
 ) -> Problem:
     """Landmarks in most keyframes and both cameras; pixels tens of sigma off.
 

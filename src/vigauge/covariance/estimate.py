@@ -93,10 +93,7 @@ class EstimateCovariance:
         return G - A[rows] @ W[columns].T - W[rows] @ A[columns].T
 
     def keyframes(
-        self,
-        gauge: Any = None,
-        keys: Sequence[Hashable] | None = None,
-        kinds: Sequence[str] | None = None,
+        self, gauge: Any = None, keys: Sequence[Hashable] | None = None, kinds: Sequence[str] | None = None
     ) -> Array:
         """(m, c, c) covariances of single keyframes, all by default; of all their columns, or of some kinds.
 

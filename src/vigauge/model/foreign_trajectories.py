@@ -14,15 +14,7 @@ from ..errors import DataError
 from ..files import write_rows, write_text
 from ..geometry.charts import as_convention
 from ..geometry.so3 import Array
-from .text_file import (
-    PathLike,
-    integer_in,
-    nanoseconds_in,
-    number_in,
-    read_text,
-    require_after,
-    require_unit,
-)
+from .text_file import PathLike, integer_in, nanoseconds_in, number_in, read_text, require_after, require_unit
 from .trajectory import Trajectory
 
 _POSE = ("position", "rotation")

@@ -114,10 +114,7 @@ class InertialFactors:
 
     @classmethod
     def chain(
-        cls,
-        factors: list[Preintegrated],
-        gyro_bias: Array | None = None,
-        accel_bias: Array | None = None,
+        cls, factors: list[Preintegrated], gyro_bias: Array | None = None, accel_bias: Array | None = None
     ) -> InertialFactors:
         """Factors between consecutive keyframes 0-1, 1-2, ...
 

@@ -15,15 +15,7 @@ from ..files import write_rows, write_text
 from ..geometry.so3 import Array
 from .archive import load_arrays, save_arrays
 from .foreign_trajectories import FOREIGN, ROS_POSITION, quaternions, read_openvins, read_ros, rotations
-from .text_file import (
-    PathLike,
-    integer_in,
-    nanoseconds_in,
-    number_in,
-    read_text,
-    require_after,
-    require_unit,
-)
+from .text_file import PathLike, integer_in, nanoseconds_in, number_in, read_text, require_after, require_unit
 from .trajectory import AXES, Trajectory, trajectory_of
 
 _KIND = "trajectory"

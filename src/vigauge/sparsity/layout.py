@@ -70,20 +70,12 @@ def _near_neighbours(
 
 @dataclass(frozen=True)
 class Layout:
-    """Places of keyframes in the stored triangle.
+    """Places of keyframes in the stored triangle."""
 
-    Attributes
-    ----------
-    place : (N,) position of each keyframe in the stored order
-    half_bandwidth : largest r - c of an entry that may be filled
-    banded : whether only the band is stored
-    width : parameters of a keyframe, 9 or 15
-    """
-
-    place: Index
-    half_bandwidth: int
-    banded: bool
-    width: int = KEYFRAME
+    place: Index  # (N,) position of each keyframe in the stored order
+    half_bandwidth: int  # largest r - c of an entry that may be filled
+    banded: bool  # whether only the band is stored
+    width: int = KEYFRAME  # parameters of a keyframe, 9 or 15
 
     @classmethod
     def choose(

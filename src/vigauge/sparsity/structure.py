@@ -43,24 +43,17 @@ class Structure:
     A group is made of landmarks that are first seen by neighbouring keyframes, and so by few
     keyframes in all: their W C^-1 W^T is one dense product over those. Its landmarks are taken in
     batches, side by side.
-
-    Attributes
-    ----------
-    layout : storage of the motion block
-    batches : who sees what, as the kernels run through it
-    group_batch : (G + 1,) first batch of each group
-    group_seen, seen : (G + 1,) where each group's keyframes begin, and the keyframes
-    obs_slot : (M,) view * LANES + lane of each observation of the problem
     """
 
     n_keyframes: int
     n_landmarks: int
-    layout: Layout
-    batches: Batches
-    group_batch: Index
+    layout: Layout  # storage of the motion block
+    batches: Batches  # who sees what, as the kernels run through it
+    group_batch: Index  # (G + 1,) first batch of each group
+    # (G + 1,) where each group's keyframes begin, and the keyframes.
     group_seen: Index
     seen: Index
-    obs_slot: Index
+    obs_slot: Index  # (M,) view * LANES + lane of each observation of the problem
     obs_keyframe: Index
     obs_landmark: Index
 

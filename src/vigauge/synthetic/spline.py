@@ -26,18 +26,11 @@ DEGREE = 5
 
 @dataclass(frozen=True)
 class SplineTrajectory:
-    """Body trajectory ``p_W(t)``, ``R_WB(t) = R_ref Exp(phi(t))``; t in seconds from the start.
+    """Body trajectory ``p_W(t)``, ``R_WB(t) = R_ref Exp(phi(t))``; t in seconds from the start."""
 
-    Attributes
-    ----------
-    position : B-spline of the body position in W, metres
-    rotation : B-spline of the rotation vector phi, radians; must stay below pi in length
-    R_WB_ref : (3, 3) orientation at phi = 0
-    """
-
-    position: BSpline
-    rotation: BSpline
-    R_WB_ref: Array
+    position: BSpline  # B-spline of the body position in W, metres
+    rotation: BSpline  # B-spline of the rotation vector phi, radians; must stay below pi in length
+    R_WB_ref: Array  # (3, 3) orientation at phi = 0
 
     @classmethod
     def through(cls, t: ArrayLike, p_W: ArrayLike, phi: ArrayLike, R_WB_ref: ArrayLike) -> SplineTrajectory:

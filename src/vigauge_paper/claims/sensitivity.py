@@ -15,12 +15,7 @@ from ..prior import RESIDUAL
 from .claim import Verdict
 from .ledger import CLAIMS, judged
 
-SWEPT = (
-    "same-accuracy",
-    "prior-fixation",
-    "prior-fixation-digits",
-    "fewer-iterations",
-)
+SWEPT = ("same-accuracy", "prior-fixation", "prior-fixation-digits", "fewer-iterations")
 
 
 def solutions_only(solutions: Mapping[str, Path], criteria: Criteria) -> Evidence:

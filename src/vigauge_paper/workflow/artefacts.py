@@ -109,11 +109,7 @@ def artefacts(config: Mapping[str, Any], sequences: Sequences, spread: str) -> l
     names = sequences.names
     return [
         Artefact(
-            "table1",
-            "tables",
-            {"output": "table1"},
-            {"covariance": Read("covariances", sweep)},
-            {"table": 1},
+            "table1", "tables", {"output": "table1"}, {"covariance": Read("covariances", sweep)}, {"table": 1}
         ),
         Artefact(
             "table2",

@@ -39,11 +39,7 @@ def solve(
     save_states(folder / "truth.npz", [problem.initial])
     outputs = {
         name: folder / f"{name}.{ending}"
-        for name, ending in (
-            ("solutions", "csv"),
-            ("trace", "csv"),
-            ("states", "npz"),
-        )
+        for name, ending in (("solutions", "csv"), ("trace", "csv"), ("states", "npz"))
     }
     return stage(
         "solve",

@@ -431,15 +431,7 @@ def refused(tmp_path: Path, path: Path, match: str, largest: int = 10**6) -> Non
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "../outside",
-        "mav0/../../outside",
-        "/outside",
-        "mav0/a\\..\\..\\x",
-        "C:\\outside",
-        "C:outside",
-    ],
+    "name", ["../outside", "mav0/../../outside", "/outside", "mav0/a\\..\\..\\x", "C:\\outside", "C:outside"]
 )
 def test_member_that_leads_out_of_the_folder_is_refused(tmp_path, name):
     refused(tmp_path, hostile(tmp_path, (name, b"x")), "inside the folder")

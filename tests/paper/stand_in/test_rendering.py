@@ -24,13 +24,7 @@ from vigauge.recordings.asl.sequence import read_sequence
 from vigauge_paper.stand_in import rendering
 from vigauge_paper.stand_in.asl_folder import write_asl_folder
 from vigauge_paper.stand_in.flight import EUROC_BIAS_WALK, EUROC_IMU_NOISE, RIGS, euroc_cameras
-from vigauge_paper.stand_in.rendering import (
-    START_NS,
-    RenderedSequence,
-    RenderSettings,
-    View,
-    render_sequence,
-)
+from vigauge_paper.stand_in.rendering import START_NS, RenderedSequence, RenderSettings, View, render_sequence
 from vigauge_paper.stand_in.scene import point_at_pixel
 
 STEPS = ([3, 0], [-3, 0], [0, 3], [0, -3])
@@ -74,8 +68,7 @@ def sample(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("scene", "lens"),
-    [("hall", "radial-tangential"), ("room", "radial-tangential"), ("room", "equidistant")],
+    ("scene", "lens"), [("hall", "radial-tangential"), ("room", "radial-tangential"), ("room", "equidistant")]
 )
 @pytest.mark.parametrize(("other_camera", "other_frame"), [(1, 0), (0, 1)], ids=["right", "later"])
 def test_point_behind_a_pixel_has_the_same_texture_in_another_view(scene, lens, other_camera, other_frame):

@@ -25,13 +25,7 @@ from .inertial import check_gravity, check_noise, find_rest
 from .rig import check_calibration, check_frozen, check_motion, check_stereo
 from .samples import check_samples
 from .spacing import check_spacing
-from .stamps import (
-    CAMERA_RATE_HZ,
-    IMU_RATE_HZ,
-    check_coverage,
-    check_partners,
-    check_rate,
-)
+from .stamps import CAMERA_RATE_HZ, IMU_RATE_HZ, check_coverage, check_partners, check_rate
 from .truth import check_truth
 from .turning import GyroRotation
 from .vision import Effort, ImageSample, find_frozen

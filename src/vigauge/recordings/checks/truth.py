@@ -261,13 +261,7 @@ def _propagation_errors(
         force = truth.accel_bias[row] if truth.accel_bias is not None else np.zeros(3)
         start_ns, end_ns = int(truth.t_ns[row]), int(truth.t_ns[end])
         # Gaps are a finding of their own.
-        moved = preintegrate(
-            samples.corrected(bias, force),
-            start_ns,
-            end_ns,
-            _DENSITIES,
-            largest_gap_s=1e9,
-        )
+        moved = preintegrate(samples.corrected(bias, force), start_ns, end_ns, _DENSITIES, largest_gap_s=1e9)
         gravity = np.array([0.0, 0.0, -9.81])
         expected = (
             truth.p_W[row] + moved.dt * v_W[row] + 0.5 * moved.dt**2 * gravity + truth.R_WB[row] @ moved.dp
