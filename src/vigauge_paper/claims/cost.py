@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from ..experiments import damping, iteration_time
 from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import Interval
@@ -41,14 +39,10 @@ def _free_needs_fewer(e: Evidence) -> Finding:
     return text, together(resolve(interval, FEWER_ITERATIONS) for interval in found.values())
 
 
-def _by_configuration(e: Evidence, gauge: str, names: Iterable[str], each: bool) -> list[float]:
-    return [e.time_ratio([name], gauge, each=each).estimate for name in names]
-
-
 def _free_takes_less_time(e: Evidence) -> Finding:
     names = _five(e)
     ratio = e.time_ratio(names, FREE)
-    by_name = spread(_by_configuration(e, FREE, names, each=False))
+    by_name = spread([e.time_ratio([name], FREE).estimate for name in names])
     text = f"median paired ratio {ratio}, by configuration {by_name}, on {e.cpu}"
     return text, resolve(ratio, TIME_RATIO, 1.0)
 

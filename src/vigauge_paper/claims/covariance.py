@@ -9,7 +9,7 @@ from vigauge.geometry.so3 import Array
 from ..experiments.evidence import Evidence
 from ..experiments.exchange import sentence as exchanged_pair
 from ..prior import INFORMATION
-from .claim import Claim, Finding, Verdict, on_euroc, spread, verdict
+from .claim import Claim, Finding, on_euroc, spread, verdict
 
 # Caption of Fig. 9: relative Frobenius distance of the transformed covariance to the fixed one.
 PUBLISHED_CONVERGED = 0.0011
@@ -22,7 +22,7 @@ def position_variance(e: Evidence, name: str, gauge: str) -> Array:
     return np.diagonal(arrays[gauge])[: 3 * n].reshape(n, 3).sum(axis=1)
 
 
-def _grows(e: Evidence, name: str) -> tuple[str, Verdict]:
+def _grows(e: Evidence, name: str) -> Finding:
     variance = position_variance(e, name, "fixed")
     first, middle, last = (float(part.mean()) for part in np.array_split(variance, 3))
     deviation = 1e3 * np.sqrt([variance[0], first, middle, last])
@@ -31,14 +31,6 @@ def _grows(e: Evidence, name: str) -> tuple[str, Verdict]:
         f"{deviation[1]:.2g}, of the middle {deviation[2]:.2g}, of the last {deviation[3]:.2g} mm"
     )
     return text, verdict(variance[0] == 0.0 and first < middle < last)
-
-
-def _grows_simulation(e: Evidence) -> Finding:
-    return _grows(e, e.sweep_configuration)
-
-
-def _grows_euroc(e: Evidence) -> Finding:
-    return on_euroc(e, *_grows(e, e.vicon_room))
 
 
 def _ratio(variance: Array) -> float:
@@ -73,14 +65,6 @@ def _converged(e: Evidence, name: str, published: float) -> Finding:
     return f"{100 * value:.2g} % ({name})", verdict(value <= published)
 
 
-def _converged_simulation(e: Evidence) -> Finding:
-    return _converged(e, e.sweep_configuration, PUBLISHED_CONVERGED)
-
-
-def _converged_euroc(e: Evidence) -> Finding:
-    return on_euroc(e, *_converged(e, e.vicon_room, 0.0002))
-
-
 def _ellipses(e: Evidence) -> Finding:
     name = e.machine_hall
     transformed, fixed = (position_variance(e, name, gauge)[1:] for gauge in ("transformed", "fixed"))
@@ -97,7 +81,7 @@ COVARIANCE = (
         "Under fixation the first position's uncertainty is zero, and it increases afterwards",
         "shown",
         "zero at the first keyframe; mean position variance of each third above that of the third before",
-        _grows_simulation,
+        lambda e: _grows(e, e.sweep_configuration),
         "Errors of the relative motion add up with the distance from the pose that is held.",
     ),
     Claim(
@@ -107,7 +91,7 @@ COVARIANCE = (
         "The same on EuRoC",
         "shown",
         "as above, on the sequence of Fig. 10",
-        _grows_euroc,
+        lambda e: on_euroc(e, *_grows(e, e.vicon_room)),
         "It is seen where the camera flies on; one that looks at the same place does not lose its position.",
     ),
     Claim(
@@ -147,7 +131,7 @@ COVARIANCE = (
         "Transformed and fixed covariance differ little",
         "0.11 %",
         "relative Frobenius distance between the converged estimates at most the published",
-        _converged_simulation,
+        lambda e: _converged(e, e.sweep_configuration, PUBLISHED_CONVERGED),
         lambda e: exchanged_pair(e, e.sweep_configuration),
     ),
     Claim(
@@ -157,7 +141,7 @@ COVARIANCE = (
         "The same on EuRoC V1",
         "0.02 %",
         "relative Frobenius distance between the converged estimates at most the published",
-        _converged_euroc,
+        lambda e: on_euroc(e, *_converged(e, e.vicon_room, 0.0002)),
         "Here too the published number holds the exchanged pair; ours is the distance of two converged runs.",
     ),
     Claim(

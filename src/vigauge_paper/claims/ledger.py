@@ -123,11 +123,8 @@ def paired_statistics(evidence: Evidence) -> list[Row]:
     for name in evidence.configurations:
         for gauge in NOT_FIXED:
             for column in (*ERRORS, "iterations"):
-                margin = (
-                    evidence.criteria.cost_margin
-                    if column == "iterations"
-                    else evidence.criteria.accuracy_margin
-                )
+                criteria = evidence.criteria
+                margin = criteria.cost_margin if column == "iterations" else criteria.accuracy_margin
                 try:
                     differences = evidence.paired(name, column, gauge, "fix")
                     found = evidence.difference([name], column, gauge)

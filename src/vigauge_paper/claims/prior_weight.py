@@ -14,13 +14,10 @@ from .claim import Claim, Finding, verdict
 SMALL_WEIGHTS = (50.0, 500.0)
 
 
-def _weights_only(table: pd.DataFrame) -> pd.DataFrame:
-    return table[table["weight"] != "free"]
-
-
 def _means(e: Evidence) -> pd.DataFrame:
     """Means by weight, in the order of the sweep."""
-    return _weights_only(e.sweep_table).groupby("weight", sort=False)[["iterations", *ERRORS]].mean()
+    weighted = e.sweep_table.query("weight != 'free'")
+    return weighted.groupby("weight", sort=False)[["iterations", *ERRORS]].mean()
 
 
 def _decades(first: str, last: str) -> float:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Callable
+
 from ..experiments.evidence import Evidence
 from ..ids import ERRORS
 from .claim import Claim, Finding, on_euroc, resolve, together, verdict
@@ -10,13 +13,11 @@ from .claim import Claim, Finding, on_euroc, resolve, together, verdict
 TIME_RATIO = 0.87
 
 
-def _iterations(e: Evidence) -> Finding:
-    texts, fewer = [], []
-    for name in e.sequences:
-        free, fix = (e.mean(name, "iterations", gauge) for gauge in ("free", "fix"))
-        texts.append(f"{name} {free:g} against {fix:g}")
-        fewer.append(free < fix)
-    return on_euroc(e, "; ".join(texts), verdict(all(fewer)))
+def _iterations(e: Evidence, gauge: str, as_claimed: Callable[[float, float], bool]) -> Finding:
+    """Those of a gauge against fixation's, of which every sequence has one pair."""
+    pairs = {name: [e.mean(name, "iterations", each) for each in (gauge, "fix")] for name in e.sequences}
+    text = "; ".join(f"{name} {own:g} against {fix:g}" for name, (own, fix) in pairs.items())
+    return on_euroc(e, text, verdict(all(as_claimed(*pair) for pair in pairs.values())))
 
 
 def _time(e: Evidence) -> Finding:
@@ -27,15 +28,6 @@ def _time(e: Evidence) -> Finding:
             texts.append(f"{name} to {other} {ratio}")
             found.append(resolve(ratio, TIME_RATIO, 1.0))
     return on_euroc(e, f"median paired ratio {'; '.join(texts)}, on {e.cpu}", together(found))
-
-
-def _prior_iterations(e: Evidence) -> Finding:
-    texts, same = [], []
-    for name in e.sequences:
-        prior, fix = (e.mean(name, "iterations", gauge) for gauge in ("prior", "fix"))
-        texts.append(f"{name} {prior:g} against {fix:g}")
-        same.append(prior == fix)
-    return on_euroc(e, "; ".join(texts), verdict(all(same)))
 
 
 def _accuracy(e: Evidence) -> Finding:
@@ -57,7 +49,7 @@ SEQUENCES = (
         "Free requires fewer iterations on EuRoC",
         "8 against 10, 10 against 11",
         "fewer on both sequences",
-        _iterations,
+        lambda e: _iterations(e, "free", operator.lt),
         "The damping of Levenberg-Marquardt, as in simulation.",
     ),
     Claim(
@@ -78,7 +70,7 @@ SEQUENCES = (
         "Prior takes as many iterations as fixation on EuRoC",
         "10 and 10, 11 and 11",
         "equal on both sequences",
-        _prior_iterations,
+        lambda e: _iterations(e, "prior", operator.eq),
         "A prior acts as fixation where it far outweighs the damping, which grows with the landmarks.",
     ),
     Claim(

@@ -31,9 +31,8 @@ def _parameters(e: Evidence) -> Finding:
         n = 9 * int(arrays["n_keyframes"]) + 3 * int(arrays["n_landmarks"])
         sizes.append(n)
         good.append(int(arrays["n_parameters"]) == n and rank == {"fix": n - 4, "prior": n, "free": n - 4})
-    return f"so in {sum(good)} of {len(good)} experiments, n from {min(sizes)} to {max(sizes)}", verdict(
-        all(good)
-    )
+    text = f"so in {sum(good)} of {len(good)} experiments, n from {min(sizes)} to {max(sizes)}"
+    return text, verdict(all(good))
 
 
 def _yaw(e: Evidence) -> Finding:

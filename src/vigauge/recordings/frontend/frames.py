@@ -52,18 +52,15 @@ def choose_frames(
         }
         _require_few(skipped, settings.keyframes.most_skipped, begin, end)
         if not poor:
-            used = _shifted(_subset(frames, rows), settings.camera_time_offset_ns)
-            return replace(sequence, frames=used), keyframes, skipped
+            return replace(sequence, frames=_used(frames, rows, settings)), keyframes, skipped
         usable[poor] = False
 
 
-def _shifted(frames: StereoFrames, offset_ns: int) -> StereoFrames:
-    return replace(frames, t_ns=frames.t_ns + offset_ns, dropped_ns=frames.dropped_ns + offset_ns)
-
-
-def _subset(frames: StereoFrames, rows: NDArray[np.intp]) -> StereoFrames:
+def _used(frames: StereoFrames, rows: NDArray[np.intp], settings: FrontEndSettings) -> StereoFrames:
+    """The frames of some rows, by the clock of the inertial sensor."""
     left, right = (tuple(paths[k] for k in rows) if paths else () for paths in (frames.left, frames.right))
-    return replace(frames, t_ns=frames.t_ns[rows], left=left, right=right)
+    t_ns, dropped_ns = (t + settings.camera_time_offset_ns for t in (frames.t_ns[rows], frames.dropped_ns))
+    return replace(frames, t_ns=t_ns, left=left, right=right, dropped_ns=dropped_ns)
 
 
 def _contrast(sequence: Sequence, row: int) -> float:
