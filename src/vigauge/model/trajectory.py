@@ -150,29 +150,31 @@ def trajectory_of(
         (R, p), v = poses_of(estimate[:2]), estimate[2]
     else:
         R, p = poses_of(estimate)
-    if covariance is None:
-        kinds = kinds or ()
-    elif kinds is None:
-        width = np.shape(covariance)[-1] if np.ndim(covariance) == 3 else 0
-        if isinstance(estimate, State) and estimate.has_biases and width == estimate.width:
-            # A trajectory has no biases.
-            width, covariance = KEYFRAME, np.asarray(covariance)[:, :KEYFRAME, :KEYFRAME]
-        if width not in _USUAL_KINDS:
-            rule = "must be (N, 6, 6) or (N, 9, 9), as covariance.keyframes(gauge) gives; else say kinds="
-            raise DataError(_COVARIANCE, rule, value=np.shape(covariance))
-        kinds = _USUAL_KINDS[width]
+    if covariance is not None and kinds is None:
+        covariance, kinds = _usual_kinds(covariance, estimate)
     out = Trajectory(
         p_W=p,
         R_WB=R,
         v_W=v,  # type: ignore[arg-type]
         times_ns=times_ns,  # type: ignore[arg-type]
         covariance=covariance,
-        kinds=tuple(kinds),
+        kinds=tuple(kinds or ()),
         gauge=_gauge_name(gauge),
         frame=frame,
         side=side,
     )
     return _left_first(out, estimate) if isinstance(estimate, State) else out
+
+
+def _usual_kinds(covariance: Array, estimate: object) -> tuple[Array, tuple[str, ...]]:
+    """The covariance without biases, which a trajectory has none of, and what is in one of its width."""
+    width = np.shape(covariance)[-1] if np.ndim(covariance) == 3 else 0
+    if isinstance(estimate, State) and estimate.has_biases and width == estimate.width:
+        width, covariance = KEYFRAME, np.asarray(covariance)[:, :KEYFRAME, :KEYFRAME]
+    if width not in _USUAL_KINDS:
+        rule = "must be (N, 6, 6) or (N, 9, 9), as covariance.keyframes(gauge) gives; else say kinds="
+        raise DataError(_COVARIANCE, rule, value=np.shape(covariance))
+    return covariance, _USUAL_KINDS[width]
 
 
 def _left_first(trajectory: Trajectory, state: State) -> Trajectory:

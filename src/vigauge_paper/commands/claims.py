@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -47,16 +48,6 @@ def work(options: argparse.Namespace) -> None:
         vicon_room=options.vicon_room,
     )
     rows, reasons = ledger(evidence), explanations(evidence)
-    note = (
-        f"Intervals at {100 * criteria.confidence:g} %, bootstrapped over trials. Margins: accuracy "
-        f"{100 * criteria.accuracy_margin:g} %, cost {100 * criteria.cost_margin:g} %, covariance "
-        f"{100 * criteria.covariance_margin:g} %; RMSE over prior weights {100 * criteria.sweep_span:g} %, "
-        f"settled {100 * criteria.settled_span:g} % of their span. Times: {machine['processor']}, "
-        f"{machine['cores']} cores, BLAS on one thread; each trial at its quickest "
-        f"repeat; of a sequence, repeats are drawn instead of trials. "
-        "Paired differences with effect sizes: claims_statistics.csv; tables of the experiments "
-        "that explain: data/reasons."
-    )
     verdicts = {row["id"]: row["verdict"] for row in rows}
     why = [{"id": row["id"], "verdict": verdicts[row["id"]], "why": row["why"]} for row in reasons]
     write_rows(options.output, rows)
@@ -66,7 +57,7 @@ def work(options: argparse.Namespace) -> None:
     shown = [{**row, "evidence": _links(str(row["id"]), files, options.output.parent)} for row in rows]
     page = (
         f"# Claims of the paper\n\n{headline(rows)}\n\n"
-        + markdown(shown, note)
+        + markdown(shown, _note(criteria, machine))
         + "\n## Why\n\n"
         + markdown(why)
     )
@@ -75,6 +66,20 @@ def work(options: argparse.Namespace) -> None:
     write_text(options.output.with_suffix(".md"), page)
     for row in rows:
         LOG.info("%-10s %s: %s", row["verdict"], row["claim"], row["measured"])
+
+
+def _note(criteria: Criteria, machine: Mapping[str, object]) -> str:
+    """Margins, and how times were taken."""
+    margin = criteria.in_words()
+    return (
+        f"Intervals at {100 * criteria.confidence:g} %, bootstrapped over trials. Margins: accuracy "
+        f"{margin['accuracy_margin']}, cost {margin['cost_margin']}, covariance "
+        f"{margin['covariance_margin']}; RMSE over prior weights {margin['sweep_span']}, settled "
+        f"{margin['settled_span']} of their span. Times: {machine['processor']}, {machine['cores']} cores, "
+        "BLAS on one thread; each trial at its quickest repeat; of a sequence, repeats are drawn instead of "
+        "trials. Paired differences with effect sizes: claims_statistics.csv; tables of the experiments that "
+        "explain: data/reasons."
+    )
 
 
 def _belongs(options: argparse.Namespace) -> bool:

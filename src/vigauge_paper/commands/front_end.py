@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vigauge.cli.command import LOG
 from vigauge.errors import VigaugeError
@@ -75,17 +76,12 @@ def _build(options: argparse.Namespace, settings: FrontEndSettings) -> None:
     save_states(options.truth_output, [without_steps(truth, steps).states_at(t_ns), truth.states_at(t_ns)])
     save_problems(options.output, [problem])
     details = report.to_mapping()
-    frames_ns = sequence.frames.t_ns + settings.camera_time_offset_ns
-    gaps_s = 1e-9 * np.diff(frames_ns[(frames_ns >= t_ns[0]) & (frames_ns <= t_ns[-1])])
+    found_steps = [{"t_ns": step.t_ns, "shift_m": step.shift_W.tolist()} for step in inside]
     evaluation = {
         "truth": options.truth.name,
         "biases": settings.biases if settings.biases in ("aligned", "estimated") else options.biases.name,
-        "frames_recorded": len(frames_ns),
-        "frame_gap_median_s": float(np.median(gaps_s)),
-        "frame_gap_max_s": float(gaps_s.max()),
-        "truth_steps": None
-        if steps is None
-        else [{"t_ns": step.t_ns, "shift_m": step.shift_W.tolist()} for step in inside],
+        **_frame_gaps(sequence.frames.t_ns + settings.camera_time_offset_ns, t_ns),
+        "truth_steps": None if steps is None else found_steps,
     }
     write_json(options.report, details | mended | evaluation)
     LOG.info(
@@ -96,6 +92,16 @@ def _build(options: argparse.Namespace, settings: FrontEndSettings) -> None:
         len(problem.obs_uv),
         details["median_reprojection_end_px"],
     )
+
+
+def _frame_gaps(frames_ns: NDArray[np.int64], t_ns: NDArray[np.int64]) -> dict[str, float]:
+    """Frames that were recorded, and how far apart they are between the first keyframe and the last."""
+    gaps_s = 1e-9 * np.diff(frames_ns[(frames_ns >= t_ns[0]) & (frames_ns <= t_ns[-1])])
+    return {
+        "frames_recorded": len(frames_ns),
+        "frame_gap_median_s": float(np.median(gaps_s)),
+        "frame_gap_max_s": float(gaps_s.max()),
+    }
 
 
 def sources_of(options: argparse.Namespace) -> list[Path]:

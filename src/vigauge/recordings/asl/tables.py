@@ -32,6 +32,8 @@ _YEAR_2000_S, _YEAR_2100_S = 946_684_800, 4_102_444_800
 # Images come 250 times a second at most, samples of other sensors 2500 times.
 _FASTEST_IMAGES_NS, FASTEST_SAMPLES_NS = 4_000_000, 400_000
 _UNITS = (("s", 1), ("ms", 10**3), ("us", 10**6))
+# Stamp, line and other fields of a row.
+_Stamped = tuple[int, int, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -53,18 +55,11 @@ class Table:
         for line, row in zip(self.lines, self.fields, strict=True):
             for k, text in enumerate(row):
                 if not _is_finite(text):
+                    name = self.columns[k + 1] if k + 1 < len(self.columns) else f"column {k + 2}"
                     raise DataError(
-                        self.path,
-                        "must be a finite number",
-                        row=int(line),
-                        field=self.column_name(k + 1),
-                        value=text,
+                        self.path, "must be a finite number", row=int(line), field=name, value=text
                     )
         raise AssertionError("unreachable: every field is a finite number")
-
-    def column_name(self, k: int) -> str:
-        """Name of column k, counted from 0, the stamp."""
-        return self.columns[k] if k < len(self.columns) else f"column {k + 1}"
 
 
 def _is_finite(text: str) -> bool:
@@ -97,7 +92,7 @@ def read_table(
     if width not in widths:
         allowed = " or ".join(str(w) for w in sorted(widths))
         raise DataError(path, f"must have {allowed} columns", row=rows[0][0], value=width)
-    stamped: list[tuple[int, int, tuple[str, ...]]] = []
+    stamped: list[_Stamped] = []
     n_unsorted = 0
     for line, row in rows:
         if len(row) != width:
@@ -107,25 +102,26 @@ def read_table(
         stamped.append((stamp, line, tuple(row[1:])))
     if sort:
         stamped.sort(key=lambda entry: entry[0])
-    lines: list[int] = []
-    stamps: list[int] = []
-    fields: list[tuple[str, ...]] = []
-    n_repeated = 0
-    for stamp, line, values in stamped:
-        if stamps and stamp <= stamps[-1]:
-            if stamp < stamps[-1]:
-                raise DataError(path, "timestamps must increase", row=line, field="timestamp", value=stamp)
-            if not drop_repeated or values != fields[-1]:
-                rule = "timestamps must not repeat" + (" with other values" if drop_repeated else "")
-                raise DataError(path, rule, row=line, field="timestamp", value=stamp)
-            n_repeated += 1
-            continue
-        lines.append(line)
-        stamps.append(stamp)
-        fields.append(values)
+    kept = _increasing(path, stamped, drop_repeated)
+    stamps, lines, fields = zip(*kept, strict=True)
     t_ns = np.array(stamps, dtype=np.int64)
     _require_nanoseconds(path, lines[0], t_ns, fastest_ns)
-    return Table(path, columns, np.array(lines), t_ns, tuple(fields), n_repeated, n_unsorted)
+    return Table(path, columns, np.array(lines), t_ns, fields, len(stamped) - len(kept), n_unsorted)
+
+
+def _increasing(path: Path, rows: list[_Stamped], drop_repeated: bool) -> list[_Stamped]:
+    """The rows with the stamps of none before; DataError for those that may not be left out."""
+    kept = rows[:1]
+    for stamp, line, values in rows[1:]:
+        last, _, same = kept[-1]
+        if stamp < last:
+            raise DataError(path, "timestamps must increase", row=line, field="timestamp", value=stamp)
+        if stamp > last:
+            kept.append((stamp, line, values))
+        elif not drop_repeated or values != same:
+            rule = "timestamps must not repeat" + (" with other values" if drop_repeated else "")
+            raise DataError(path, rule, row=line, field="timestamp", value=stamp)
+    return kept
 
 
 def _split(path: Path) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:

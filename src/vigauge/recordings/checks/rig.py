@@ -118,6 +118,18 @@ def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings
             "before that. Stamp its images anew",
         )
         return
+    _judge_calibration(sample, explain, out)
+    ratio = (sample.grey_left + 1.0) / (sample.grey_right + 1.0)
+    if max(ratio, 1.0 / ratio) > BRIGHTNESS_RATIO:
+        out.warn(
+            "exposure",
+            f"the cameras are exposed differently: mean grey {sample.grey_left:.0f} left, "
+            f"{sample.grey_right:.0f} right",
+        )
+
+
+def _judge_calibration(sample: StereoSample, explain: Callable[[], str], out: Findings) -> None:
+    """Whether matches lie on their epipolar lines and before the cameras, at all frames."""
     if sample.epipolar_px > EPIPOLAR_ERROR_PX:
         out.error(
             "extrinsics",
@@ -140,13 +152,6 @@ def check_stereo(sample: StereoSample, explain: Callable[[], str], out: Findings
             f"matches lie {sample.frame_epipolar_px[k]:.1f} px from their epipolar lines at "
             f"{sample.frame_ns[k]} ns, {sample.epipolar_px:.2f} px in the median (limit "
             f"{EPIPOLAR_WARNING_PX:g}): its images were not taken together, or the exposure was long",
-        )
-    ratio = (sample.grey_left + 1.0) / (sample.grey_right + 1.0)
-    if max(ratio, 1.0 / ratio) > BRIGHTNESS_RATIO:
-        out.warn(
-            "exposure",
-            f"the cameras are exposed differently: mean grey {sample.grey_left:.0f} left, "
-            f"{sample.grey_right:.0f} right",
         )
 
 

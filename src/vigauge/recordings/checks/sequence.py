@@ -27,7 +27,7 @@ from .samples import check_samples
 from .spacing import check_spacing
 from .stamps import CAMERA_RATE_HZ, IMU_RATE_HZ, check_coverage, check_partners, check_rate
 from .truth import check_truth
-from .turning import GyroRotation
+from .turning import GyroRotation, Turns
 from .vision import Effort, ImageSample, find_frozen
 
 # Inertial samples kept on both sides of the frames, for clocks that differ.
@@ -226,24 +226,33 @@ def _check_contents(
     else:
         sequence = Sequence(out.sequence, folder, cameras, frames, imu, parts.noise)
         check_spacing(frames.t_ns[inside], cameras[LEFT], gyro, out)
-        frozen = [find_frozen(sequence, inside, camera) for camera in range(len(cameras))]
-        for name, its in zip(("cam0", "cam1"), frozen, strict=False):
-            check_frozen(name, frames.t_ns[its].tolist(), out)
-        sample = ImageSample(sequence, np.setdiff1d(inside, frozen[LEFT]), effort)
+        sample = ImageSample(sequence, _without_frozen(sequence, inside, out), effort)
         with one_thread():
-            stereo = _try(out, "images", sample.stereo)
-            if stereo is not None:
-                check_stereo(stereo, sample.explain_epipolar, out)
-            blocked = any(f.check in ("images", "stereo", "extrinsics", "baseline") for f in out.of("error"))
-            if blocked:
-                out.skip("camera against gyro", "images or calibration do not allow poses")
-            else:
-                seen = _try(out, "images", sample.turns)
-                if seen is not None:
-                    fit = check_motion(*seen, gyro, rest, origin_ns, out)
+            seen = _check_images(sample, out)
+        if seen is not None:
+            fit = check_motion(*seen, gyro, rest, origin_ns, out)
     _check_motion_and_truths(
         mav, imu, frames.t_ns[inside], fit.gyro_bias if fit is not None else None, truths, sort, out
     )
+
+
+def _without_frozen(sequence: Sequence, inside: NDArray[np.int64], out: Findings) -> NDArray[np.int64]:
+    """The frames whose left image is not the one before; those that are are findings, right ones too."""
+    frozen = [find_frozen(sequence, inside, camera) for camera in range(len(sequence.cameras))]
+    for name, its in zip(("cam0", "cam1"), frozen, strict=False):
+        check_frozen(name, sequence.frames.t_ns[its].tolist(), out)
+    return np.setdiff1d(inside, frozen[LEFT])
+
+
+def _check_images(sample: ImageSample, out: Findings) -> tuple[Turns, Array, int] | None:
+    """Stereo geometry; and the turns of the camera, where images and calibration allow poses."""
+    stereo = _try(out, "images", sample.stereo)
+    if stereo is not None:
+        check_stereo(stereo, sample.explain_epipolar, out)
+    if any(f.check in ("images", "stereo", "extrinsics", "baseline") for f in out.of("error")):
+        out.skip("camera against gyro", "images or calibration do not allow poses")
+        return None
+    return _try(out, "images", sample.turns)
 
 
 def _check_motion_and_truths(
