@@ -60,10 +60,6 @@ def _times(settings: SimulationSettings) -> tuple[Index, Index]:
     return stamps, stamps[np.round(np.linspace(0, count, settings.n_keyframes)).astype(np.int64)]
 
 
-def _enough_views(landmark: Index, count: int, minimum: int) -> Index:
-    return np.flatnonzero(np.bincount(landmark, minlength=count) >= minimum)
-
-
 def make_scene(trajectory: str, points: str, settings: SimulationSettings) -> Scene:
     """The scene of one configuration, e.g. ("sine", "plane").
 
@@ -80,7 +76,8 @@ def make_scene(trajectory: str, points: str, settings: SimulationSettings) -> Sc
     rng = np.random.default_rng([settings.seed, 0, TRAJECTORIES.index(trajectory), layout])
     candidates = draw_landmarks(points, motion, camera, settings, rng, 4 * settings.n_landmarks + 50)
     _, seen, _ = visible_points(p_W, R_WB, camera, candidates)
-    chosen = _enough_views(seen, len(candidates), settings.minimum_views)[: settings.n_landmarks]
+    views = np.bincount(seen, minlength=len(candidates))
+    chosen = np.flatnonzero(views >= settings.minimum_views)[: settings.n_landmarks]
     if len(chosen) < settings.n_landmarks:
         raise DataError(
             "simulation",

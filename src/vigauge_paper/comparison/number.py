@@ -68,15 +68,11 @@ def machine(times: list[Number]) -> Row:
     The ratio is the factor between the machines; the range is that factor, times and over exp of the standard
     deviation of the logarithms of all ratios.
     """
-    logs = np.log([time.ratio for time in times])
-    published, ours = (float(np.exp(np.mean(np.log(v)))) for v in _columns(times))
-    spread = float(np.exp(np.std(logs)))
+    both = [time.published for time in times], [time.ours for time in times]
+    published, ours = (float(np.exp(np.mean(np.log(values)))) for values in both)
+    spread = float(np.exp(np.std(np.log([time.ratio for time in times]))))
     whole = Number("times", "all", "", "time_s", published, ours, ours / spread, ours * spread)
     return whole.row() | {"inside_our_range": None}
-
-
-def _columns(times: list[Number]) -> tuple[list[float], list[float]]:
-    return [time.published for time in times], [time.ours for time in times]
 
 
 def counts(table: list[Number]) -> list[Row]:

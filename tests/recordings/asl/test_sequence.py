@@ -32,7 +32,7 @@ def test_valid_folder_is_read_whole(sequence_folder):
     sequence = read_sequence(sequence_folder)
     assert sequence.name == "flight"
     assert sequence.frames.t_ns.tolist() == FRAME_NS
-    assert sequence.frames.n_dropped == 0
+    assert len(sequence.frames.dropped_ns) == 0
     assert [p.parent.parent.name for p in (sequence.frames.left[0], sequence.frames.right[0])] == [
         "cam0",
         "cam1",
@@ -51,7 +51,7 @@ def test_folder_without_cam1_is_of_one_camera(sequence_folder):
     shutil.rmtree(sequence_folder / "mav0" / "cam1")
     sequence = read_sequence(sequence_folder)
     assert len(sequence.cameras) == 1 and sequence.frames.right == ()
-    assert sequence.frames.t_ns.tolist() == FRAME_NS and sequence.frames.n_dropped == 0
+    assert sequence.frames.t_ns.tolist() == FRAME_NS and len(sequence.frames.dropped_ns) == 0
 
 
 def test_folder_without_mav0_is_refused(tmp_path):
@@ -112,7 +112,7 @@ def test_left_frames_without_a_right_one_are_dropped_and_counted(sequence_folder
     path = sequence_folder / "mav0" / "cam1" / "data.csv"
     change(path, f"{FRAME_NS[1]},{FRAME_NS[1]}.png\n", "")
     frames = read_sequence(sequence_folder).frames
-    assert frames.n_dropped == 1
+    assert frames.dropped_ns.tolist() == [FRAME_NS[1]]
     assert frames.t_ns.tolist() == [FRAME_NS[0], FRAME_NS[2], FRAME_NS[3]]
     assert [p.name for p in frames.left] == [p.name for p in frames.right]
 
@@ -121,7 +121,7 @@ def test_stereo_stamps_may_differ_by_rounding(sequence_folder):
     path = sequence_folder / "mav0" / "cam1" / "data.csv"
     change(path, f"{FRAME_NS[1]},", f"{FRAME_NS[1] + 256},")
     frames = read_sequence(sequence_folder).frames
-    assert (frames.n_dropped, frames.right[1].name) == (0, f"{FRAME_NS[1]}.png")
+    assert (len(frames.dropped_ns), frames.right[1].name) == (0, f"{FRAME_NS[1]}.png")
 
 
 def test_cameras_without_a_common_stamp_are_refused(sequence_folder):

@@ -36,11 +36,6 @@ class StereoFrames:
     dropped_ns: NDArray[np.int64]
     n_unsorted: int = 0  # rows of both lists that were out of order and have been sorted
 
-    @property
-    def n_dropped(self) -> int:
-        """Number of left frames without a right one."""
-        return len(self.dropped_ns)
-
 
 @dataclass(frozen=True)
 class Sequence:

@@ -311,7 +311,7 @@ def _report(
         free_gravity_mps2=alignment.free_gravity,
         alignment_rms_position_m=alignment.rms_position_m,
         alignment_rms_velocity_mps=alignment.rms_velocity_mps,
-        image_pairs_without_right=sequence.frames.n_dropped,
+        image_pairs_without_right=len(sequence.frames.dropped_ns),
         frames_skipped=skipped,
         aligned=alignment.to_mapping() if isinstance(alignment, Alignment) else {},
     )
