@@ -8,7 +8,7 @@ covariance and the diagnosis ask nothing else of it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,7 @@ from ..sparsity.layout import motion_columns
 from .state import State
 
 
-@dataclass(frozen=True)
-class LinearFactor:
+class LinearFactor(NamedTuple):
     """A motion factor at one state.
 
     Attributes

@@ -169,7 +169,7 @@ class _Objective:
         cost = found.cost
         prior = self.gauge.prior(state, self.problem.initial)
         if prior is not None:
-            cost += 0.5 * float(prior.residual @ prior.residual)
+            cost += 0.5 * float(np.vdot(prior.residual, prior.residual))
         return _Evaluation(state, prior, cost, found)
 
     def linearise(self, here: _Evaluation) -> NormalEquations:
