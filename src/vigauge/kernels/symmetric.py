@@ -28,7 +28,9 @@ def subtract_outer(G: Array, A: Array, W: Array) -> None:
     # By columns, four at a time, so that a row of G is a sum of eight rows.
     padded = (d + 3) // 4 * 4
     A_T, W_T = np.zeros((padded, n)), np.zeros((padded, n))
-    A_T[:d], W_T[:d] = A.T, W.T
+    for i in range(n):  # an assignment of arrays takes six seconds to compile
+        for c in range(d):
+            A_T[c, i], W_T[c, i] = A[i, c], W[i, c]
     for c in range(0, padded, 4):
         for i in range(n):
             a0, a1, a2, a3 = A_T[c, i], A_T[c + 1, i], A_T[c + 2, i], A_T[c + 3, i]
