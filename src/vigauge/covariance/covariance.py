@@ -84,7 +84,7 @@ class Covariance:
 
         Raises DataError where state and problem differ in size.
         """
-        return cls.from_equations(linearise(problem, problem.require_fits(state)), problem, state, group)
+        return cls.from_equations(linearise(problem, state), problem, state, group)
 
     @classmethod
     def from_equations(
@@ -92,7 +92,7 @@ class Covariance:
     ) -> Covariance:
         """As :meth:`of`, from normal equations at hand."""
         group = YawTranslation() if group is None else group
-        tangent = local_tangent(group, state)
+        tangent = local_tangent(group, state.require_valid())
         if not problem.factors:
             return cls(equations, state, problem.initial, tangent, (), group)
         along = seen_along(problem, state, tangent)
@@ -245,7 +245,7 @@ class _Projection:
         same_as_free = isinstance(gauge, FreeGauge) and gauge.group == covariance.group
         V = U if same_as_free else _normal(covariance, gauge, prior)
         rows = len(U) if landmarks else state.n_motion
-        W = along_orbit(U, V)[:rows]
+        W = along_orbit(U, V, rows)
         # A prior on what G holds says nothing of the shape.
         same = prior is not None and np.array_equal(prior.columns, covariance._held)
         A = None if same else cls._half_update(covariance, V, W, landmarks)
@@ -340,7 +340,7 @@ def motion_pseudo_inverse(covariance: Covariance) -> Array:
     taken, gram = reduced.couple(U[n_motion:])
     through = U[:n_motion] - taken
     G_U = G @ through
-    return low_rank_projection(G, G_U, gram + through.T @ G_U, along_orbit(U, U)[:n_motion])
+    return low_rank_projection(G, G_U, gram + through.T @ G_U, along_orbit(U, U, n_motion))
 
 
 def motion_covariance(problem: Problem, state: State, gauge: Gauge) -> Array:

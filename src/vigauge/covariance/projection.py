@@ -8,6 +8,7 @@ import scipy.linalg.lapack as lapack
 from ..arrays import reals, symmetric
 from ..errors import DataError, DegenerateError
 from ..geometry.so3 import Array
+from ..kernels import symmetric as symmetric_kernels
 from ..observability.spectrum import DEPENDENT
 
 # Digits that (V^T U)^-1 may lose: beyond, what is left of a variance is no number.
@@ -17,20 +18,26 @@ _LOST = 1e10
 _FOREIGN = 1e-6
 
 
-def along_orbit(U: Array, V: Array) -> Array:
+def along_orbit(U: Array, V: Array, rows: int | None = None) -> Array:
     """(n, d) U (V^T U)^-1: how the estimate moves on its orbit for one unit of each constraint of V.
+
+    ``rows``: of the first parameters only.
 
     Whether V^T U is singular is judged by the digits that its inverse loses, which no change of units,
     scale or order of the columns alters. Raises DegenerateError where the constraints leave part of the
     orbit free.
     """
     if not U.size:
-        return U
-    inverse, info = lapack.dgetri(*lapack.dgetrf(V.T @ U)[:2])
-    lost = np.abs(inverse) * (np.abs(U.T) @ np.abs(V))
-    if info or not lost.max() < _LOST:
+        return U[:rows]
+    gram = V.T @ U
+    inverse, info = lapack.dgetri(*lapack.dgetrf(gram)[:2])
+    if V is U:  # the sums of |U|^T |U| are at most the products of the columns' lengths, and near them
+        lost = symmetric_kernels.largest_ratio(inverse, gram)
+    else:
+        lost = float((np.abs(inverse) * (np.abs(U.T) @ np.abs(V))).max())
+    if info or not lost < _LOST:
         raise DegenerateError("the gauge's constraints leave part of the gauge free")
-    return U @ inverse
+    return U[:rows] @ inverse
 
 
 def independent_columns(name: str, columns: Array) -> Array:

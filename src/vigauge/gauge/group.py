@@ -48,7 +48,10 @@ def orbit_tangent(state: State) -> Array:
     It belongs to this package's parameters: left increments in W, the first rotation as
     Eq. (9), order of :mod:`vigauge.model.state`.
     """
-    state.require_valid()
+    return _tangent(state.require_valid())
+
+
+def _tangent(state: State) -> Array:
     U = np.empty((state.n_parameters, dimension(YawTranslation())))
     rotation.orbit_tangent(state.p_W, state.v_W, state.X_W, state.dphi_0, U)
     return U
@@ -73,7 +76,7 @@ class YawTranslation:
     directions: ClassVar[tuple[str, ...]] = ("yaw", "x", "y", "z")
 
     def tangent(self, state: State) -> Array:
-        return orbit_tangent(state)
+        return _tangent(state)
 
     def act(self, state: State, parameters: Array) -> State:
         parameters = reals("parameters", parameters, (4,))

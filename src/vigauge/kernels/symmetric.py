@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..geometry.so3 import Array
@@ -19,6 +21,19 @@ def unpack(lower: Array, stored: Index, out: Array) -> None:
             value = lower[r, c] if r >= c else lower[c, r]
             out[i, j] = value
             out[j, i] = value
+
+
+@part
+def largest_ratio(inverse: Array, A: Array) -> float:
+    """The largest |A^-1| by the diagonal of A: one where A is diagonal, NaN where it has one."""
+    largest = 0.0
+    for i in range(len(A)):
+        for j in range(len(A)):
+            ratio = abs(inverse[i, j]) * math.sqrt(A[i, i] * A[j, j])
+            if math.isnan(ratio):
+                return ratio
+            largest = max(largest, ratio)
+    return largest
 
 
 @kernel
