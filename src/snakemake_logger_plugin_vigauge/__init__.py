@@ -11,6 +11,7 @@ import re
 import shlex
 import shutil
 import sys
+from itertools import takewhile
 from logging import WARNING
 from pathlib import Path
 from threading import Event, Thread
@@ -46,11 +47,15 @@ def _tail(log: str) -> list[str]:
     return [line.strip() for line in reversed(lines) if line.strip()]
 
 
-def error_sentence(log: str) -> str:
-    """Why a stage failed, from its log."""
+def error_sentence(log: str, executor: str | None = None) -> str:
+    """Why a stage failed: from its log, or else what its executor says, a cluster's queue for one."""
     lines = _tail(log)
-    found = next((line for line in lines if _ERROR.search(line)), None)
-    return found or (f"no error message; its last line: {lines[0]}" if lines else "it left no message")
+    if found := next((line for line in lines if _ERROR.search(line)), None):
+        return found
+    if executor:
+        # What is set in is for the log of the run: the whole call of `sbatch`.
+        return " ".join(takewhile(lambda line: not line.startswith(" "), executor.splitlines()))
+    return f"no error message; its last line: {lines[0]}" if lines else "it left no message"
 
 
 def _name(job: Any) -> str:
@@ -140,8 +145,9 @@ class LogHandler(LogHandlerBase):
         # Where a cluster's job got nowhere, its own log follows that of the stage.
         log = next((log for log in record.log if _tail(log)), "".join(record.log[:1]))
         return (
-            f"failed after {record.created - job.created:.1f} s: {_name(job)}\n  {error_sentence(log)}\n"
-            f"  log: {log}\n  again: {shlex.join(self._for_target(*job.output[:1] or [job.rule_name]))}"
+            f"failed after {record.created - job.created:.1f} s: {_name(job)}\n"
+            f"  {error_sentence(log, record.rule_msg)}\n  log: {log}\n"
+            f"  again: {shlex.join(self._for_target(*job.output[:1] or [job.rule_name]))}"
         )
 
     def _for_target(self, target: str) -> list[str]:

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 
+import pytest
 import yaml
 
+from recovery.kill import TIMEOUT_S, make_project
 from support import ROOT
 
 
@@ -30,3 +36,17 @@ def test_every_recorded_check_holds() -> None:
     with (ROOT / "docs" / "slurm.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert rows and all(row["holds"] == "True" for row in rows)
+
+
+@pytest.mark.workflow
+def test_what_the_queue_answers_reaches_the_terminal(tmp_path: Path) -> None:
+    """Catches a run that asks for its number of cores, which a cluster has not, and a refusal in silence."""
+    pytest.importorskip("snakemake_executor_plugin_slurm")
+    project, sbatch = make_project(tmp_path / "project"), tmp_path / "sbatch"
+    sbatch.write_text("#!/bin/sh\necho 'this queue is closed' >&2\nexit 1\n", "utf-8")
+    sbatch.chmod(0o755)
+    command = [sys.executable, "-m", "snakemake", "--workflow-profile", "profiles/slurm"]
+    command += ["--configfile", "config/smoke.yaml", "--", "data/simulation/arc_plane/path.csv"]
+    env = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}", "EUROC_ROOT": ""}
+    done = subprocess.run(command, cwd=project, env=env, capture_output=True, text=True, timeout=TIMEOUT_S)
+    assert done.returncode == 1 and "'this queue is closed'.\n" in done.stderr, done.stderr[-2000:]

@@ -81,8 +81,10 @@ def beside_a_timed_one(done: list[Job]) -> list[str]:
 
 def killed(project: Path) -> tuple[bool, str]:
     """Kill Snakemake with jobs in the queue; whether a second start leaves them alone, and its words."""
-    with subprocess.Popen(RESUME, cwd=project, env=environment(), stderr=subprocess.DEVNULL) as engine:
+    with subprocess.Popen(RESUME, cwd=project, env=environment()) as engine:
         while not queued():
+            if engine.poll() is not None:
+                sys.exit(f"Snakemake ended before it had a job in the queue; the project is {project}")
             time.sleep(0.5)
         time.sleep(10.0)  # into the first stages
         engine.send_signal(signal.SIGKILL)

@@ -22,7 +22,8 @@ if warning := BUILDS.conflict(BUILDS.shown, "a build of everything"):
 
 
 onstart:
-    alone = "timed" in workflow.global_resources or workflow.cores == 1 or not workflow.local_exec
+    # A run on a cluster has no number of cores, and asking for it is an error.
+    alone = not workflow.local_exec or "timed" in workflow.global_resources or workflow.cores == 1
     if not alone and any(job.resources.get("timed") for job in workflow.dag.needrun_jobs()):
         logger.warning(
             "stages may be timed beside others: no limit on `timed`, which profiles/default has"

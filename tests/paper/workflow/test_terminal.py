@@ -87,6 +87,10 @@ def test_the_sentence_of_an_error(tmp_path: Path, log: str, sentence: str) -> No
     """Catches a last line that passes for the reason."""
     (tmp_path / "a.log").write_text(log, "utf-8")
     assert error_sentence(str(tmp_path / "a.log")).startswith(sentence)
+    # The stage's own reason goes before that of a cluster, which goes before none.
+    said = error_sentence(str(tmp_path / "a.log"), "job 7 has failed:\nTIMEOUT\n    its call")
+    assert said.startswith("job 7 has failed: TIMEOUT" if "message" in sentence else sentence)
+    assert "its call" not in said
 
 
 def test_a_log_that_was_never_written(tmp_path: Path) -> None:
