@@ -8,7 +8,13 @@ import pandas as pd
 
 from .ids import ERRORS, FIX, FREE, GAUGES, HEADLINE, Row
 
-_UNITS = {"p_rmse_m": ("p", 1e3, "mm"), "phi_rmse_deg": ("phi", 1.0, "deg"), "v_rmse_mps": ("v", 1e3, "mm/s")}
+# What a reader is shown: name, scale, unit.
+_SHOWN = {
+    "p_rmse_m": ("p", 1e3, "mm"),
+    "phi_rmse_deg": ("phi", 1.0, "deg"),
+    "v_rmse_mps": ("v", 1e3, "mm/s"),
+    "start_p_rmse_m": ("start p", 1e3, "mm"),
+}
 QUANTITIES = (*ERRORS, *(f"start_{error}" for error in ERRORS), "iterations")
 
 
@@ -46,11 +52,11 @@ def spread_sentence(table: pd.DataFrame) -> str:
     parts = []
     for sequence in table["sequence"].unique():
         mine = table[table["sequence"] == sequence].set_index(["gauge", "quantity"])
-        errors = [_range(mine.loc[(FIX, error)], *_UNITS[error]) for error in ERRORS]
-        starts = _range(mine.loc[(FIX, "start_p_rmse_m")], "start p", 1e3, "mm")
-        counts = [_range(mine.loc[(gauge, "iterations")], f"{gauge} iterations") for gauge in (FIX, FREE)]
-        runs = int(mine["runs"].min())
-        parts.append(f"{sequence} ({runs} runs): {', '.join([*errors, starts, *counts])}")
+        shown = [
+            f"{name} {_range(mine.loc[(FIX, q)], scale)} {unit}" for q, (name, scale, unit) in _SHOWN.items()
+        ]
+        counts = [f"{gauge} iterations {_range(mine.loc[(gauge, 'iterations')])}" for gauge in (FIX, FREE)]
+        parts.append(f"{sequence} ({int(mine['runs'].min())} runs): {', '.join([*shown, *counts])}")
     optimum = table[table["quantity"].isin(ERRORS) & (table["gauge"] == FREE)]
     gauge = optimum["gauge_difference"].max()
     width = ((optimum["greatest"] - optimum["least"]) / optimum["median"]).min()
@@ -62,6 +68,18 @@ def spread_sentence(table: pd.DataFrame) -> str:
     )
 
 
-def _range(row: pd.Series, name: str, scale: float = 1.0, unit: str = "") -> str:
+def spread_table(table: pd.DataFrame) -> list[Row]:
+    """Median (range) as a reader wants them: a row a sequence and gauge."""
+    rows: list[Row] = []
+    for (sequence, gauge), mine in table.groupby(["sequence", "gauge"], sort=False):
+        found = mine.set_index("quantity")
+        shown = {f"{name} ({unit})": _range(found.loc[q], scale) for q, (name, scale, unit) in _SHOWN.items()}
+        about: Row = {"sequence": sequence, "gauge": gauge, "runs": int(mine["runs"].min())}
+        rows.append({**about, **shown, "iterations": _range(found.loc["iterations"])})
+    return rows
+
+
+def _range(row: pd.Series, scale: float = 1.0) -> str:
+    """Median (least to greatest), two digits."""
     low, middle, high = (f"{float(f'{scale * row[key]:.2g}'):g}" for key in ("least", "median", "greatest"))
-    return f"{name} {middle} ({low} to {high}){' ' * bool(unit)}{unit}"
+    return f"{middle} ({low} to {high})"

@@ -8,7 +8,7 @@ import yaml
 
 from support import ROOT
 from support.results import solutions
-from vigauge_paper.spread import spread_rows, spread_sentence
+from vigauge_paper.spread import spread_rows, spread_sentence, spread_table
 from vigauge_paper.workflow.sequences import Sequences
 
 
@@ -42,6 +42,14 @@ def test_the_note_says_whether_gauges_differ_by_less_than_changes(free: float, w
     text = spread_sentence(pd.DataFrame(spread_rows("hall", [form(1.0, free), form(1.2), form(1.1)])))
     assert words in text
     assert "p 11 (10 to 12) mm" in text and "fix iterations 6 (6 to 6)" in text
+
+
+def test_the_page_shows_two_digits_by_sequence_and_gauge() -> None:
+    """Catches metres beside millimetres, and dozens of rows of seventeen digits in the place of a table."""
+    rows = spread_table(pd.DataFrame(spread_rows("hall", [form(1.0), form(1.234), form(1.1)])))
+    assert [row["gauge"] for row in rows] == ["fix", "free", "prior"]
+    assert rows[1]["runs"] == 3 and rows[1]["p (mm)"] == "11 (10 to 12)"
+    assert rows[1]["phi (deg)"] == "0.011 (0.01 to 0.012)" and rows[1]["start p (mm)"] == "22 (20 to 25)"
 
 
 def test_changed_forms_share_the_check_of_their_sequence() -> None:

@@ -8,6 +8,7 @@ rule spread:
         **reads(solutions=CHANGED),
     output:
         csv="data/spread/spread.csv",
+        md="data/spread/spread.md",
         stamp="data/spread/spread.stamp.json",
     log:
         "logs/spread.log",

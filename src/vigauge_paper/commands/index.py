@@ -22,7 +22,7 @@ def _rows(file: Path) -> list[dict[str, str]]:
 def work(options: argparse.Namespace) -> None:
     extensions = dict(options.extensions)
     if options.spread and made_with(options.stamps, options.spread_stamp, "spread"):
-        extensions["Harmless changes of the front-end"] = options.spread
+        extensions["Harmless changes of the front-end"] = options.spread.with_suffix(".md")
     material = Material(
         rows=_rows(options.claims),
         why={row["id"]: row["why"] for row in _rows(options.why)},
