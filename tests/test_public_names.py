@@ -10,10 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import vigauge as vg
 from support.simulated import SETTINGS
 from vigauge.model.archive import load_arrays
+from vigauge.synthetic.biases import BiasedTrial, make_biased_trial
 from vigauge.synthetic.scenario import make_scene, make_trial
 
 TABLE = vg._PUBLIC
@@ -83,11 +85,23 @@ EXAMPLE = replace(
 )
 
 
-def test_example_is_what_the_simulator_makes(tmp_path: Path) -> None:
+def biased() -> BiasedTrial:
+    settings = replace(EXAMPLE, gyro_bias_radps=(0.01, -0.02, 0.015), accel_bias_mps2=(0.05, -0.1, 0.08))
+    return make_biased_trial(make_scene("sine", "random", settings), 0, 2e-5, 3e-3)
+
+
+MADE = {
+    "example.npz": lambda: make_trial(make_scene("sine", "random", EXAMPLE), 0),
+    "example_biases.npz": lambda: biased().problem,
+}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_example_is_what_the_simulator_makes(name: str, tmp_path: Path) -> None:
     """Catches an example older than the simulator or the archive: then save the made one in its place."""
-    vg.save_problems(tmp_path / "made.npz", [make_trial(make_scene("sine", "random", EXAMPLE), 0)])
+    vg.save_problems(tmp_path / "made.npz", [MADE[name]()])
     made = load_arrays(tmp_path / "made.npz")
-    kept = load_arrays(Path(vg.__file__).with_name("example.npz"))
+    kept = load_arrays(Path(vg.__file__).with_name(name))
     assert kept.keys() == made.keys()
     for name, array in kept.items():
         if array.dtype.kind == "U":
@@ -107,3 +121,25 @@ def test_example_is_the_same_every_time_and_solvable() -> None:
     freedom = 2 * len(first.obs_uv) + 9 * 9 - (first.initial.n_parameters - 4)
     assert abs(2.0 * solution.cost / freedom - 1.0) < 0.15
     assert not vg.diagnose(first, solution.state).degenerate
+
+
+def test_example_with_biases_finds_the_true_ones() -> None:
+    """Biases that are held, unobservable, or off by more than their sigmas say."""
+    problem, truth = vg.example_problem(biases="estimated"), biased().truth
+    assert problem.estimates_biases and not np.any(problem.initial.gyro_bias)
+    solution = vg.solve(problem, vg.FreeGauge())
+    assert solution.converged and not vg.diagnose(problem, solution.state).degenerate
+    covariance = vg.Covariance.of(problem, solution.state).keyframes(vg.FixedGauge())[0]
+    error = np.concatenate(
+        [
+            solution.state.gyro_bias[0] - truth.gyro_bias[0],
+            solution.state.accel_bias[0] - truth.accel_bias[0],
+        ]
+    )
+    assert error @ np.linalg.solve(covariance[9:, 9:], error) < chi2.ppf(0.99, 6)
+    assert np.abs(solution.state.gyro_bias[0]).max() > 5.0 * np.sqrt(np.diagonal(covariance)[9:12].max())
+
+
+def test_example_of_an_unknown_kind_is_refused() -> None:
+    with pytest.raises(vg.DataError, match=r'biases: must be "known" or "estimated"'):
+        vg.example_problem(biases="constant")

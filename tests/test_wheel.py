@@ -119,7 +119,7 @@ def test_the_wheel_holds_the_library_and_nothing_else(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names} == {"vigauge", METADATA}
     sources = {p.relative_to(ROOT / "src").as_posix() for p in (ROOT / "src" / "vigauge").rglob("*.py")}
-    others = {"vigauge/__init__.pyi", "vigauge/py.typed", "vigauge/example.npz"}
+    others = {"vigauge/__init__.pyi", "vigauge/py.typed", "vigauge/example.npz", "vigauge/example_biases.npz"}
     assert {name for name in names if name.startswith("vigauge/")} == sources | others
 
 

@@ -96,15 +96,28 @@ __all__ = ["__version__", *_PUBLIC]
 __doc__ += "\n".join(f"{name:23s} {meaning}" for name, (_, meaning) in _PUBLIC.items())
 
 
-def example_problem() -> Any:
+def example_problem(biases: str = "known") -> Any:
     """A small simulated Problem: ten keyframes on a sine path, two hundred landmarks, 2.5 s of inertial data.
 
     Every call gives the same numbers. The start is off by 5 cm, 6 degrees and 5 cm/s a keyframe.
+
+    Parameters
+    ----------
+    biases : "known", there are none; or "estimated", with the biases of both sensors in the state. These
+        start at zero. The true ones begin at (0.01, -0.02, 0.015) rad/s and (0.05, -0.1, 0.08) m/s^2, body
+        frame, and walk as those of a MEMS sensor do: over 2.5 s by 3e-5 rad/s and 5e-3 m/s^2, one sigma.
+
+    Raises DataError for another word.
     """
     from pathlib import Path
 
     # By name, as the names above: to a tool that reads imports, `import vigauge` brings none of the library.
-    return __getattr__("load_problems")(Path(__file__).with_name("example.npz"))[0]
+    files = {"known": "example.npz", "estimated": "example_biases.npz"}
+    if biases not in files:
+        raise __getattr__("DataError")(
+            "example_problem", 'must be "known" or "estimated"', field="biases", value=biases
+        )
+    return __getattr__("load_problems")(Path(__file__).with_name(files[biases]))[0]
 
 
 def __getattr__(name: str) -> Any:

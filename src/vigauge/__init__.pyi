@@ -1,5 +1,7 @@
 """Types of the public names; at run time __init__.py loads each when first asked for."""
 
+from typing import Literal
+
 from .covariance.calibration import Nees as Nees
 from .covariance.calibration import nees as nees
 from .covariance.calibration import sandwich as sandwich
@@ -77,4 +79,4 @@ from .solver.reintegration import solve_with_samples as solve_with_samples
 
 __version__: str
 
-def example_problem() -> Problem: ...
+def example_problem(biases: Literal["known", "estimated"] = "known") -> Problem: ...
