@@ -17,20 +17,20 @@ from typing import Any
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 
 import vigauge as vg
-from vigauge.adapters.gtsam import covariance as from_graph
 from vigauge.covariance.relative import relative_pose
 from vigauge.files import write_json, write_rows
 from vigauge.geometry.so3 import Array
 from vigauge_paper.figures.style import COLOURS, PAGE, new_figure, save_figure
 from vigauge_paper.run.machine import describe_machine, versions
 
+from .foreign_colmap import colmap_row
 from .foreign_dense import agreement_rows, camera_rows
+from .foreign_graphs import graph_row, public_rows
 from .foreign_peers import ceres_blocks, gtsam_marginals, prior_rows
-from .foreign_problems import chain, pose_graph
-from .foreign_rows import REPEATS, Sizes, covariance_of, least, row
+from .foreign_problems import chain
+from .foreign_rows import REPEATS, Sizes, covariance_of, least, row, runs_of
 from .process import pinned
 from .results import Row
 
@@ -57,8 +57,8 @@ def keyframe_rows(sizes: Sizes) -> list[Row]:
     note = "peer: prior on the first keyframe, its share taken off, compared in our fixed gauge"
     rows = [row(case, what, (fixed, ours_s), "GTSAM Marginals", (theirs - share, gtsam_s), note)]
     theirs, ceres_s = least(ceres_blocks(problem, prior), 1)
-    runs = f"Ceres ran once, ours least of {REPEATS} runs"
-    rows.append(row(case, what, (fixed, ours_s), "Ceres SPARSE_QR", (theirs - share, ceres_s), note, runs))
+    peer, runs = (theirs - share, ceres_s), runs_of(1, "Ceres")
+    rows.append(row(case, what, (fixed, ours_s), "Ceres SPARSE_QR", peer, note, runs))
 
     R, p = problem.poses
     far = np.random.default_rng(4).permutation(count)[: 2 * (min(sizes.pairs, count // 2))]
@@ -77,28 +77,6 @@ def keyframe_rows(sizes: Sizes) -> list[Row]:
     note = f"seconds a pair, mean of {len(pairs)} random pairs"
     what = "relative pose of any pair, after the blocks"
     return [*rows, row(case, what, mine, "GTSAM jointMarginalCovariance", theirs, note)]
-
-
-def graph_row(sizes: Sizes) -> Row:
-    """A chain of poses in GTSAM, from its own graph to all blocks."""
-    graph, values = pose_graph(sizes.poses)
-    keys, sigma = [X(k) for k in range(sizes.poses)], 0.01
-    closed = gtsam.NonlinearFactorGraph(graph)
-    first = values.atPose3(X(0))
-    closed.add(gtsam.PriorFactorPose3(X(0), first, gtsam.noiseModel.Isotropic.Sigma(6, sigma)))
-
-    def marginals() -> Array:
-        found = gtsam.Marginals(closed, values)
-        return np.array([found.marginalCovariance(key) for key in keys])
-
-    ours, ours_s = least(lambda: blocks_at_centroid(from_graph(graph, values)))
-    theirs, peer_s = least(marginals)
-    carried = np.array([values.atPose3(key).between(first).AdjointMap() for key in keys])
-    theirs = theirs - sigma**2 * carried @ carried.swapaxes(1, 2)
-    note = "vigauge.adapters.gtsam, translation of the graph included; compared in our fixed gauge"
-    case, what = f"pose graph, n = {6 * sizes.poses}", "all 6 x 6 blocks, centroid gauge"
-    fixed = ours.keyframes(vg.FixedGauge())
-    return row(case, what, (fixed, ours_s), "GTSAM Marginals", (theirs, peer_s), note)
 
 
 def blocks_at_centroid(found: vg.EstimateCovariance) -> vg.EstimateCovariance:
@@ -125,13 +103,14 @@ def draw(rows: list[Row], stem: Path) -> None:
 
 
 def main(folder: Path = RESULTS, sizes: Sizes = FULL) -> list[Row]:
-    rows = [*keyframe_rows(sizes), graph_row(sizes), *camera_rows(sizes), *agreement_rows(sizes)]
+    raced = [*keyframe_rows(sizes), graph_row(sizes), *camera_rows(sizes)]
+    rows = [*raced, *agreement_rows(sizes), *public_rows(sizes), colmap_row()]
     write_rows(folder / "foreign.csv", rows)
-    peers = {name: version(name) for name in ("gtsam", "pyceres", "numba")}
+    peers = {name: version(name) for name in ("gtsam", "pyceres", "pycolmap", "numba")}
     about = {"machine": describe_machine(), "versions": versions(), "peers": peers, "sizes": asdict(sizes)}
     threads = {name: value for name, value in sorted(os.environ.items()) if name.endswith("_NUM_THREADS")}
     write_json(folder / "foreign.json", about | {"repeats": REPEATS, "threads": threads})
-    draw(rows, folder / "foreign")
+    draw(raced, folder / "foreign")
     return rows
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ import vigauge as vg
 from vigauge.geometry.so3 import Array
 
 from .foreign_problems import Chain, bundle, chain
-from .foreign_rows import Sizes, covariance_of, least, row
+from .foreign_rows import REPEATS, Sizes, covariance_of, least, row, runs_of
+from .long_double import pseudo_inverse
 from .results import Row
 
 _GROUPS: tuple[tuple[Any, Any], ...] = (
@@ -48,24 +50,40 @@ def camera_rows(sizes: Sizes) -> list[Row]:
 
 
 def agreement_rows(sizes: Sizes) -> list[Row]:
-    """The whole covariance in a gauge, against singular vectors of the dense Jacobian, never squared."""
+    """The whole covariance in a gauge, against pseudo-inverses from the dense Jacobian, never squared."""
     rows = []
-    for group, gauge in _GROUPS:
-        problem = chain(sizes.oracle, group)
-        J = problem.jacobian()
-        H, d = (J.T @ J).tocsc(), problem.T.shape[1]
+    for (group, gauge), (peer, (invert, count, repeats)) in product(_GROUPS, _ORACLES.items()):
+        problem = chain(sizes.oracle // count, group)
+        J, T = problem.jacobian(), problem.T
+        H = (J.T @ J).tocsc()
         V = vg.gauge_normal(problem.layout, problem.poses, gauge, group=group)
 
-        def oracle(J: Any = J, d: int = d, T: Array = problem.T, V: Array = V) -> Array:
-            _, s, rows = np.linalg.svd(J.toarray(), full_matrices=False)
-            half = rows[:-d].T / s[:-d]
-            half -= T @ np.linalg.solve(V.T @ T, V.T @ half)
-            return half @ half.T
+        def oracle(invert: Any = invert, J: Any = J, T: Array = T, V: Array = V) -> Array:
+            P = np.eye(len(T)) - T @ np.linalg.solve(V.T @ T, V.T)
+            return np.asarray(P @ invert(J.toarray(), T) @ P.T, float)
 
         def whole(problem: Chain = problem, H: Any = H, gauge: Any = gauge) -> Array:
             return covariance_of(problem, H).matrix(gauge)
 
         note = f"{type(group).__name__}, gauge {getattr(gauge, 'name', 'first pose and a distance')}"
-        case, what = f"{d} directions, n = {H.shape[0]}", "the whole matrix"
-        rows.append(row(case, what, least(whole), "dense SVD of J", least(oracle), note))
+        case, what = f"{T.shape[1]} directions, n = {H.shape[0]}", "the whole matrix"
+        rows.append(row(case, what, least(whole), peer, least(oracle, repeats), note, runs_of(repeats)))
     return rows
+
+
+def _by_svd(J: Array, T: Array) -> Array:
+    _, s, rows = np.linalg.svd(J, full_matrices=False)
+    d = T.shape[1]
+    half = rows[:-d].T / s[:-d]
+    return half @ half.T
+
+
+def _by_long_double(J: Array, T: Array) -> Any:
+    return pseudo_inverse(J.astype(np.longdouble), T.astype(np.longdouble))
+
+
+# How each inverts, what share of the size it takes, and how often it runs.
+_ORACLES: dict[str, tuple[Any, int, int]] = {
+    "dense SVD of J": (_by_svd, 1, REPEATS),
+    "QR of J, long double": (_by_long_double, 2, 1),
+}

@@ -14,7 +14,6 @@ from .foreign_problems import Chain
 from .results import Row
 
 REPEATS = 3
-_RUNS = f"least of {REPEATS} runs"
 # What an answer is, and its seconds.
 Timed = tuple[Array, float]
 
@@ -28,6 +27,16 @@ class Sizes:
     observations: int = 31843
     oracle: int = 60
     pairs: int = 50
+    public: int = 2500
+
+
+def runs_of(repeats: int, peer: str = "the peer") -> str:
+    """What a row says of how often each side ran."""
+    all_alike = f"least of {REPEATS} runs"
+    return all_alike if repeats == REPEATS else f"{peer} ran once, ours {all_alike}"
+
+
+_RUNS = runs_of(REPEATS)
 
 
 def least(work: Callable[[], Any], repeats: int = REPEATS) -> tuple[Any, float]:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import vigauge as vg
+from benchmarks.long_double import pseudo_inverse
 from support.foreign_files import CAMERAS, POINTS, Adjustment
-from support.long_double import pseudo_inverse
 from vigauge.adapters import bal
 
 

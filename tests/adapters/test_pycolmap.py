@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import vigauge as vg
-from support.long_double import jacobian, pseudo_inverse, turned
+from benchmarks.long_double import jacobian, pseudo_inverse, turned
 
 pycolmap = pytest.importorskip("pycolmap", reason="needs pycolmap: pip install pycolmap")
+from benchmarks.foreign_colmap import of_colmap, two_camera_gauge  # noqa: E402
 from vigauge.adapters.pycolmap import covariance  # noqa: E402
 
 pytestmark = pytest.mark.oracle
@@ -148,33 +149,11 @@ def test_rigs_are_one_pose_a_frame(small: int, monkeypatch: pytest.MonkeyPatch) 
 def test_two_camera_gauge_is_that_of_colmap() -> None:
     """Catches what our own derivatives share with the test's: COLMAP linearises and inverts itself."""
     reconstruction = reconstruction_of("SIMPLE_RADIAL")
-    config = pycolmap.BundleAdjustmentConfig()
-    for key in reconstruction.reg_image_ids():
-        config.add_image(key)
-    for key in reconstruction.cameras:
-        config.set_constant_cam_intrinsics(key)
-    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    adjuster = pycolmap.create_default_ceres_bundle_adjuster(
-        pycolmap.BundleAdjustmentOptions(), config, reconstruction
-    )
-    options = pycolmap.BACovarianceOptions(params=pycolmap.BACovarianceOptionsParams.POSES_AND_POINTS)
-    options.damping = 0.0
-    expected = pycolmap.estimate_ba_covariance(options, reconstruction, adjuster)
-    found = covariance(reconstruction)
-    ids = sorted(reconstruction.reg_image_ids())
-    given = {key: expected.get_cam_cov_from_world(key) for key in ids}
-    (first,) = (key for key in ids if given[key] is None)
-    (second,) = (key for key in ids if given[key] is not None and len(given[key]) == 5)
-    # COLMAP holds the coordinate along which the second camera is farthest, seen from the first.
-    poses = [reconstruction.image(key).cam_from_world() for key in (first, second)]
-    axis = int(np.argmax(np.abs((poses[0] * poses[1].inverse()).translation)))
-    gauge = np.zeros((found.layout.n, 7))
-    gauge[found.layout.columns(first), range(6)] = 1.0
-    gauge[found.layout.columns(second, "position")[axis], 6] = 1.0
-    for key in set(ids) - {first}:
-        rest = np.delete(np.arange(6), 3 + axis) if key == second else np.arange(6)
-        block = found.block(key, key, gauge)[np.ix_(rest, rest)]
-        assert vg.relative_frobenius(block, given[key]) < 1e-8
+    found, expected = covariance(reconstruction), of_colmap(reconstruction)
+    gauge, columns = two_camera_gauge(found, reconstruction, expected)
+    for key, own in columns.items():
+        given = expected.get_cam_cov_from_world(key)
+        assert vg.relative_frobenius(found.entries(own, own, gauge), given) < 1e-8
     # COLMAP's covariances of points are those for poses that are known.
     J = Plain(reconstruction).jacobian().astype(float)
     for key in reconstruction.points3D:

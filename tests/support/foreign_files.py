@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .long_double import jacobian, turned
+from benchmarks.long_double import jacobian, turned
 
 OFFSET = np.array([0.2, -0.1, 0.3, *Rotation.from_rotvec([0.3, -0.5, 0.2]).as_quat()])
 
