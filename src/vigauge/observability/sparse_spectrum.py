@@ -35,7 +35,7 @@ class SparseNullSpace(NullSpace):
         if len(empty) > _MOST:
             raise _too_many(f"{len(empty)} columns of H have no information, the first is {empty[0]}")
         self.scale = unit_scale(matrix.diagonal())
-        A = matrix.copy()
+        A = 0.5 * (matrix + matrix.T).tocsc()
         A.data /= self.scale[A.indices] * np.repeat(self.scale, np.diff(A.indptr))
         n, rng = A.shape[0], np.random.default_rng(0)
         first = rng.standard_normal(n)
