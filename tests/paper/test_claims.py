@@ -318,6 +318,29 @@ def test_reasons_are_given_for_all_claims(tmp_path: Path) -> None:
     assert "to itself, timed twice, 1 [1, 1]" in measured["time-per-iteration"]
 
 
+def test_covariance_claims_on_euroc_say_how_errors_compare_with_sigmas(tmp_path: Path) -> None:
+    """Catches a covariance that "holds" on EuRoC, and nothing beside it says that errors are far larger."""
+    results = Results(tmp_path / "a")
+    euroc = evidence(results)
+    position, rotation, velocity = (
+        np.sqrt(np.diagonal(block).sum() / euroc.covariance("MH_01_easy")["n_keyframes"])
+        for k in range(3)
+        for n in [len(euroc.covariance("MH_01_easy")["fixed"]) // 3]
+        for block in [euroc.covariance("MH_01_easy")["fixed"][k * n : (k + 1) * n, k * n : (k + 1) * n]]
+    )
+    ratios = [
+        euroc.mean("MH_01_easy", "p_rmse_m", "fix") / position,
+        np.radians(euroc.mean("MH_01_easy", "phi_rmse_deg", "fix")) / rotation,
+        euroc.mean("MH_01_easy", "v_rmse_mps", "fix") / velocity,
+    ]
+    expected = f"On MH_01_easy errors are {min(ratios):.2g} to {max(ratios):.2g} times the predicted sigmas"
+    said = {row["id"]: str(row["why"]) for row in explanations(euroc)}
+    assert expected in said["ellipses-euroc"]
+    assert all("not with errors" in said[name] for name in ("fixed-grows-euroc", "transformed-euroc"))
+    rendered = explanations(evidence(Results(tmp_path / "b"), source="rendered"))
+    assert not [row for row in rendered if "not with errors" in str(row["why"])]
+
+
 def test_rows_have_the_columns_and_verdicts_of_the_contract(tmp_path: Path) -> None:
     """Catches a column that outside readers rely on being renamed, and a verdict of another word."""
     rows = ledger(evidence(Results(tmp_path), source="rendered"))

@@ -6,12 +6,8 @@ import argparse
 
 import pandas as pd
 
-<<<<<<< HEAD
-from vigauge.files import write_rows
-from vigauge_paper.run.artefacts import FILE
-=======
 from vigauge.files import write_rows, write_text
->>>>>>> b50f273 (The page shows the spread as median and range with two digits, by sequence and gauge: it showed 42 rows of raw numbers)
+from vigauge_paper.run.artefacts import FILE
 from vigauge_paper.run.stage import Stamped, json_argument, parser, run
 from vigauge_paper.spread import spread_rows, spread_sentence, spread_table
 from vigauge_paper.tables import markdown
@@ -33,19 +29,13 @@ def main() -> None:
     arguments.add_argument(
         "--changes", type=json_argument, required=True, help="names of each sequence's changed forms"
     )
-<<<<<<< HEAD
     arguments.add_argument("--solutions", **FILE, help="folder with a folder each")
-    arguments.add_argument("--output", **FILE, help="output: CSV")
-    run(work, arguments, Stamped({}, outputs=("output",)))
-=======
-    arguments.add_argument("--solutions", type=Path, required=True, help="folder with a folder each")
-    arguments.add_argument("--output", type=Path, required=True, help="output: CSV; Markdown goes beside it")
+    arguments.add_argument("--output", **FILE, help="output: CSV; Markdown goes beside it")
     run(
         work,
         arguments,
         Stamped({}, outputs=("output",), files=lambda options: [options.output.with_suffix(".md")]),
     )
->>>>>>> b50f273 (The page shows the spread as median and range with two digits, by sequence and gauge: it showed 42 rows of raw numbers)
 
 
 if __name__ == "__main__":

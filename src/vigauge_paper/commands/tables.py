@@ -33,6 +33,11 @@ _TRUTHS = {
     "state_groundtruth_derived0": "published poses as truth, velocities re-derived with the accelerometer",
     "state_groundtruth_openvins0": "truth re-estimated from Vicon and inertial data, not the published one",
 }
+_COLUMNS = "RMSE of position p, rotation phi and velocity v, in m, deg, m/s"
+_GAUGES = (
+    "After first-pose alignment, weighted by the published noise. fix: the first position and yaw are "
+    "held; free: nothing is; the .csv has the prior of the configured weight as well."
+)
 _BOLD = "Bold: the smaller of fixation and free."
 
 
@@ -46,15 +51,16 @@ def work(options: argparse.Namespace) -> None:
     beside = " In brackets: the paper." if published else ""
     if options.table == 2:
         rows = table2(solutions)
-        what = f"RMSE in m, deg, m/s; means over {trial_count(solutions)} trials."
+        what = f"{_COLUMNS}; means over {trial_count(solutions)} trials."
         note = f"{what} {_BOLD}{beside}{left_out(solutions)}{degenerate(solutions)}"
         write_table(rows, options.output, wide_errors(rows, published), note)
         return
     rows = table3(solutions, options.source)
     names = dict(options.published_names)
-    what = "RMSE in m, deg, m/s" if options.source == "euroc" else f"RMSE in m, deg, m/s; {STAND_IN}"
+    what = _COLUMNS if options.source == "euroc" else f"{_COLUMNS}; {STAND_IN}"
     counted = left_out(solutions) + degenerate(solutions)
-    note = f"{what}. {_BOLD}{beside if names else ''}{counted} {starts(solutions)} {_truths(options.reports)}"
+    note = f"{what}. {_GAUGES} {_BOLD}{beside if names else ''}{counted}"
+    note += f" {starts(solutions)} {_truths(options.reports)}"
     if options.spread and made_with(options.stamps, options.spread_stamp, "spread"):
         note += f" {spread_sentence(pd.read_csv(options.spread))}"
     data = f"{_recordings(options.reports)} {_too_small(pd.read_csv(options.errors))}".strip()

@@ -65,6 +65,21 @@ const gaugeExplorer = (() => {
     return { major: root(mean + half), minor: root(mean - half), angle: (Math.atan2(2 * b, a - c) / 2) * (180 / Math.PI) };
   }
 
+  // A covariance is linear. A turn leaves its tangent by half its angle (rad): a share of 9 % at this limit.
+  const YAW_LIMIT = 10;
+
+  // Where the linear covariance says nothing any more about errors, in words; empty elsewhere.
+  function tooLarge(e, C) {
+    const keyframes = d3.range(e.N);
+    const yaw = (180 / Math.PI) * d3.max(keyframes, (k) => Math.sqrt(Math.max(0, C[(3 * e.N + 3 * k + 2) * (e.n + 1)])));
+    const position = d3.max(keyframes, (k) => ellipse(e, C, k).major);
+    const reach = d3.max(keyframes, (k) => Math.hypot(e.p_W[3 * k] - e.p_W[0], e.p_W[3 * k + 1] - e.p_W[1]));
+    const found = [];
+    if (yaw > YAW_LIMIT) found.push(`the yaw has a standard deviation of ${yaw.toPrecision(3)}°, and above ${YAW_LIMIT}° a turn bends away from its tangent by more than 9 % of its length`);
+    if (position > reach) found.push(`a position has one of ${position.toPrecision(3)} m, and the flight reaches only ${reach.toPrecision(3)} m from its start`);
+    return found.length ? `Too large for a linear covariance: ${found.join("; ")}. Ellipses and traces here say that this freedom is open, not how large errors are.` : "";
+  }
+
   // The largest of 1, 2, 5, 10, ... that keeps the largest ellipse within a share of the flight.
   function enlargement(extent, largest, share) {
     const steps = [...Array(6).keys()].flatMap((power) => [1, 2, 5].map((step) => step * 10 ** power));
@@ -169,7 +184,8 @@ const gaugeExplorer = (() => {
     });
     context.putImageData(image, 0, 0);
     const count = held.filter(Boolean).length;
-    const about = `Rows and columns: all positions, all rotations, all velocities. White: up to 1e-7; black: ${(10 ** high).toExponential(1)} (m, rad, m/s). ${count ? `Yellow: ${count} parameters that are held.` : "No single parameter is held."}`;
+    drawScale(10 ** low, 10 ** high);
+    const about = `Rows and columns: all positions (m), all rotations (rad), all velocities (m/s). An entry has the units of its row times those of its column. ${count ? `Yellow: ${count} parameters that are held.` : "No single parameter is held."}`;
     canvas.setAttribute("aria-label", `Covariance matrix. ${about}`);
     element("matrix-note").textContent = about;
     canvas.onpointermove = (event) => {
@@ -178,6 +194,17 @@ const gaugeExplorer = (() => {
       element("matrix-note").textContent = `Covariance of ${names[0]} and ${names[1]}: ${now.C[place[0] * e.n + place[1]].toExponential(4)}`;
     };
     canvas.onpointerleave = () => { element("matrix-note").textContent = about; };
+  }
+
+  // The grey levels of the matrix, whose entries have 1e-7 added as in Figs. 9 and 10.
+  function drawScale(low, high) {
+    const X = d3.scaleLog([low, high], [30, 490]);
+    const svg = d3.select("#scale");
+    svg.selectAll("linearGradient").data([0]).join("linearGradient").attr("id", "greys")
+      .selectAll("stop").data(["#fff", "#000"]).join("stop").attr("offset", (_, k) => k).attr("stop-color", (grey) => grey);
+    svg.selectAll("rect").data([0]).join("rect").attr("x", X(low)).attr("width", X(high) - X(low)).attr("height", 14).attr("fill", "url(#greys)");
+    svg.selectAll("g.axis").data([0]).join("g").attr("class", "axis").attr("transform", "translate(0,14)").call(d3.axisBottom(X).ticks(5, "~e"));
+    svg.selectAll("text.label").data([0]).join("text").attr("class", "label").attr("x", 260).attr("y", 52).text("|entry| + 1e-7, in products of m, rad, m/s");
   }
 
   // In the chart of Fig. 8: yaw along the orbit (rad) and share of the way to the start across it. The widest
@@ -266,6 +293,8 @@ const gaugeExplorer = (() => {
     form.elements.keyframe.disabled = gauge.kind !== "keyframe";
     for (const input of [form.elements.weight, ...form.elements.reading]) input.disabled = gauge.kind !== "prior";
     element("gauge-note").textContent = NOTES[gauge.kind];
+    const warning = tooLarge(e, now.C);
+    Object.assign(element("too-large"), { textContent: warning, hidden: !warning });
     drawTop(e, now, tint);
     drawSigmas(e, now, tint);
     drawMatrix(e, now);

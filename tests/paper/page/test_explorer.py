@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -169,6 +170,54 @@ def test_what_can_be_measured_stays_and_the_rest_changes(page: Any) -> None:
             assert found["logDetDifference"] == pytest.approx(fixed["logDetDifference"], rel=1e-8)
         if controls["kind"] not in ("fix", "prior") and controls.get("keyframe") != 0:
             assert abs(found["traces"][0] / fixed["traces"][0] - 1) > 0.01
+
+
+@pytest.mark.parametrize("reading", [RESIDUAL, INFORMATION])
+def test_a_freedom_too_large_for_a_linear_covariance_is_named(
+    page: Any, solved: tuple[Problem, State, State], reading: str
+) -> None:
+    """Catches ellipses of kilometres that nothing warns of, and a warning in every gauge."""
+    problem, state, _ = solved
+    covariance, warning = Covariance.of(problem, state), page.locator("#too-large")
+    warned = set()
+    for power in (0.0, 0.7, 0.8, 1.4, 1.6, 4.0):
+        set_controls(page, {"kind": "prior", "weight": power, "reading": reading})
+        motion = covariance.motion(PriorGauge(information(10.0**power, reading)))
+        yaw = np.degrees(np.sqrt(np.diagonal(motion)[3 * N : 6 * N][2::3].max()))
+        shown = warning.inner_text() if warning.is_visible() else ""
+        found = re.search(r"yaw has a standard deviation of ([\d.]+)°", shown)
+        assert (found is not None) == (yaw > 10.0)
+        assert found is None or float(found[1]) == pytest.approx(yaw, rel=5e-3)
+        assert ("not how large errors are" in shown) == bool(shown)
+        warned.add(bool(shown))
+    assert warned == {True, False}
+    set_controls(page, {"kind": "fix"})
+    assert warning.is_hidden()
+
+
+def test_the_scale_has_the_greys_of_the_matrix(page: Any) -> None:
+    """Catches a scale that is not that of the picture: its ticks, read as greys, give the pixels."""
+    set_controls(page, {"kind": "keyframe", "keyframe": 3})
+    C = np.reshape(numbers(page)["C"], (9 * N, 9 * N))
+    bar, ticks, pixels = page.evaluate(
+        """() => {
+            const [canvas, bar] = [document.getElementById("matrix"), document.querySelector("#scale rect")];
+            const ticks = [...document.querySelectorAll("#scale .tick")].filter((tick) => tick.textContent);
+            return [
+                [bar.x.baseVal.value, bar.width.baseVal.value],
+                ticks.map((t) => [Number(t.textContent.replace("−", "-")), t.transform.baseVal[0].matrix.e]),
+                [...canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data],
+            ];
+        }"""
+    )
+    values, places = np.transpose(ticks)
+    assert len(values) >= 2
+    slope, start = np.polyfit(np.log10(values), (places - bar[0]) / bar[1], 1)
+    red, green, blue = np.moveaxis(np.reshape(pixels, (*C.shape, 4)), 2, 0)[:3]
+    grey = (red == green) & (green == blue)
+    assert 0.5 < grey.mean() < 1.0  # what is held is yellow
+    expected = 255.0 * (1.0 - start - slope * np.log10(np.abs(C) + 1e-7))
+    assert np.abs(red - expected)[grey].max() < 2.0
 
 
 def test_sliders_move_by_keyboard_and_mouse(page: Any) -> None:
