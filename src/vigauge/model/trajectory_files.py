@@ -161,7 +161,8 @@ def _write_csv(path: PathLike, trajectory: Trajectory) -> None:
     write_rows(path, rows)
 
 
-def _read_csv(path: PathLike) -> Trajectory:
+def _rows_of_csv(path: PathLike) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Names of the columns, and line and cells of every row, one a name."""
     reader = csv.reader(read_text(path).splitlines())
     try:
         header, *rows = [(reader.line_num, row) for row in reader if row] or [(1, [])]
@@ -175,6 +176,11 @@ def _read_csv(path: PathLike) -> Trajectory:
             raise DataError(path, f"must have {len(names)} columns", row=line, value=len(row))
     if not rows:
         raise DataError(path, "must have a header and a keyframe at least")
+    return names, rows
+
+
+def _read_csv(path: PathLike) -> Trajectory:
+    names, rows = _rows_of_csv(path)
     cells = {name: [(line, row[at]) for line, row in rows] for at, name in enumerate(names)}
 
     def numbers(wanted: Sequence[str]) -> Array:

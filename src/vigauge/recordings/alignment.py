@@ -409,27 +409,14 @@ def _refined(
     guess = sigma
     for _ in range(_MOST_ROUNDS):
         basis = _directions(state.g_M, n, scale)
-        visual_residual, visual_jacobian = _visual(window, state)
-        weight = np.repeat(1.0 / sigma, 3)
-        seen = _scattered(weight[:, None] * visual_jacobian, n) @ basis
-        equations = _equations(window, state)
-        W = _whitener(equations.covariance)
-        moved = _scattered(W @ equations.jacobian, n) @ basis
-        prior = basis[_ACCEL] / window.accel_bias_sigma
-        A = np.vstack([seen, moved, prior])
-        residual = np.concatenate(
-            [
-                (weight * visual_residual).ravel(),
-                np.einsum("fij,fj->fi", W, equations.residual).ravel(),
-                state.accel_bias / window.accel_bias_sigma,
-            ]
-        )
+        A, residual = _whitened(window, state, basis, sigma)
         covariance = _inverse(A.T @ A)
         step = -covariance @ (A.T @ residual)
         state = state.moved(basis @ step)
         state = replace(state, g_M=state.g_M * (window.gravity / np.linalg.norm(state.g_M)))
         before = sigma
         if not fixed_sigma:
+            seen = A[: 6 * (n - 1)]
             left_over = residual[: len(seen)] + seen @ step
             sigma = _told_by_residuals(
                 sigma, guess, left_over, np.einsum("ij,ij->i", seen @ covariance, seen)
@@ -445,6 +432,23 @@ def _refined(
         f"visual-inertial alignment does not settle in {_MOST_ROUNDS} rounds: poses and inertial data do not "
         "belong together, or the window is too short"
     )
+
+
+def _whitened(window: _Window, state: _State, basis: Array, sigma: Array) -> tuple[Array, Array]:
+    """Rows (r, m) along ``basis`` and residuals (r,): of visual steps, motion, and the prior of the bias."""
+    n = len(window.p_M)
+    visual_residual, visual_jacobian = _visual(window, state)
+    weight = np.repeat(1.0 / sigma, 3)
+    equations = _equations(window, state)
+    W = _whitener(equations.covariance)
+    seen, moved = _scattered(weight[:, None] * visual_jacobian, n), _scattered(W @ equations.jacobian, n)
+    residual = [
+        (weight * visual_residual).ravel(),
+        np.einsum("fij,fj->fi", W, equations.residual).ravel(),
+        state.accel_bias / window.accel_bias_sigma,
+    ]
+    A = np.vstack([seen @ basis, moved @ basis, basis[_ACCEL] / window.accel_bias_sigma])
+    return A, np.concatenate(residual)
 
 
 def _told_by_residuals(sigma: Array, guess: Array, left_over: Array, taken: Array) -> Array:

@@ -94,7 +94,6 @@ class TurnFit:
     axes_deg: float
     gyro_bias: Array  # (3,) rad/s, the mean over the record
     rms_rad: float  # residual with the calibrated axes, scale 1, the offset and the bias above
-    free_rms_rad: float  # residual with the axes and scale of the fit
 
 
 def compare_turns(gyro: GyroRotation, turns: Turns) -> TurnFit | None:
@@ -107,12 +106,11 @@ def compare_turns(gyro: GyroRotation, turns: Turns) -> TurnFit | None:
     if len(turns.phi_S) < LEAST_TURNS or turns.rms_rad < LEAST_TURN_RAD:
         return None
     offset, _ = _best_offset(gyro, turns, free_axes=True)
-    A, bias, free_residual = _fit(gyro, turns, offset, free_axes=True)
+    A, _, _ = _fit(gyro, turns, offset, free_axes=True)
     scale, axes_deg = _scale_and_axes(A, turns)
-    free_rms = _rms(free_residual)
     offset, sigma = _best_offset(gyro, turns, free_axes=False)
     _, bias, residual = _fit(gyro, turns, offset, free_axes=False)
-    return TurnFit(len(turns.phi_S), offset, sigma, scale, axes_deg, bias, _rms(residual), free_rms)
+    return TurnFit(len(turns.phi_S), offset, sigma, scale, axes_deg, bias, _rms(residual))
 
 
 def _rms(residual: Array) -> float:

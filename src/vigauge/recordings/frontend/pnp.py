@@ -61,23 +61,13 @@ def estimate_pose(
     """
     if len(points_M) < _LEAST_POINTS:
         return None
-    cv2.setRNGSeed(_SEED)
     points = np.ascontiguousarray(points_M, dtype=np.float64)
     pixels = np.ascontiguousarray(uv, dtype=np.float64)
     order = np.random.default_rng(seed).permutation(len(points)) if seed else slice(None)
-    found, rotation, translation, _ = cv2.solvePnPRansac(
-        points[order],
-        pixels[order],
-        K,
-        None,
-        iterationsCount=rounds,
-        reprojectionError=reprojection_px,
-        confidence=_CONFIDENCE,
-        flags=cv2.SOLVEPNP_SQPNP,
-    )
-    if not found:
+    start = _by_ransac(points[order], pixels[order], K, reprojection_px, rounds)
+    if start is None:
         return None
-    R_CM, p_CM = so3.exp(rotation.ravel()), translation.ravel()
+    R_CM, p_CM = start
     for _ in range(_REFINEMENTS):
         inlier = reprojection_error(K, R_CM, p_CM, points, pixels) / size <= reprojection_px
         if np.count_nonzero(inlier) < _LEAST_POINTS:
@@ -92,6 +82,24 @@ def estimate_pose(
         return None
     inlier = reprojection_error(K, R_CM, p_CM, points, pixels) / size <= reprojection_px
     return CameraPose(R_CM, p_CM, inlier)
+
+
+def _by_ransac(
+    points_M: Array, uv: Array, K: Array, reprojection_px: float, rounds: int
+) -> tuple[Array, Array] | None:
+    """R_CM and p_CM of the minimal set that most points agree with; None where there is none."""
+    cv2.setRNGSeed(_SEED)
+    found, rotation, translation, _ = cv2.solvePnPRansac(
+        points_M,
+        uv,
+        K,
+        None,
+        iterationsCount=rounds,
+        reprojectionError=reprojection_px,
+        confidence=_CONFIDENCE,
+        flags=cv2.SOLVEPNP_SQPNP,
+    )
+    return (so3.exp(rotation.ravel()), translation.ravel()) if found else None
 
 
 def _to_the_minimum(
