@@ -1,8 +1,7 @@
-"""The profile for Slurm, and the record of the run on one (`make test-slurm`)."""
+"""The profile for Slurm."""
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 import subprocess
@@ -29,13 +28,6 @@ def test_every_timed_stage_has_its_node_to_itself() -> None:
     profile = yaml.safe_load((ROOT / "profiles" / "slurm" / "config.yaml").read_text("utf-8"))
     # Names of rules in the profile would not be those of a module.
     assert "set-resources" not in profile and alone and alone == timing
-
-
-def test_every_recorded_check_holds() -> None:
-    """Catches a record that nobody looked at."""
-    with (ROOT / "docs" / "slurm.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert rows and all(row["holds"] == "True" for row in rows)
 
 
 @pytest.mark.workflow
