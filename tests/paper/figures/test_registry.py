@@ -10,7 +10,7 @@ from vigauge_paper import figures
 from vigauge_paper.figures.registry import FIGURES
 
 # What several figures share, and the figure of an experiment that is none of the paper's.
-SHARED = {"chart", "registry", "statistics", "style"}
+SHARED = {"chart", "narrow", "registry", "statistics", "style"}
 
 
 def test_every_module_draws_a_listed_figure() -> None:
