@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from .ids import ERRORS, ESTIMATED, FIX, GAUGES, HEADLINE, KNOWN, Row
+from .ids import BIAS_ERRORS, ERRORS, ESTIMATED, FIX, GAUGES, HEADLINE, KNOWN, Row
 
 DISTANCES = ("relative_frobenius_same_point", "relative_frobenius_converged")
 
@@ -36,6 +36,7 @@ def no_truth_rows(
                     "biases": KNOWN if name == sequence else ESTIMATED,
                     "gauge": gauge,
                     **{error: float(solved.at[gauge, error]) for error in ERRORS},
+                    **{error: _or_empty(solved.at[gauge, error]) for error in BIAS_ERRORS},
                     "converged": bool(solved.at[gauge, "converged"]),
                     "iterations": int(solved.at[gauge, "iterations"]),
                     **{distance: float(about[distance]) for distance in DISTANCES},
@@ -43,6 +44,18 @@ def no_truth_rows(
                 for gauge in GAUGES
             ]
     return rows
+
+
+def _of_biases(own: pd.DataFrame) -> str:
+    """How far the biases of fixation are from those of the truth, where it has any."""
+    gyro, accel = (own.at[FIX, error] for error in BIAS_ERRORS)
+    return (
+        f"biases are {gyro:.2g} rad/s and {accel:.2g} m/s^2 from the truth's (RMSE); " if gyro != "" else ""
+    )
+
+
+def _or_empty(value: float) -> float | str:
+    return "" if pd.isna(value) else float(value)
 
 
 def no_truth_sentence(rows: Sequence[Row], margin: float) -> str:
@@ -65,6 +78,6 @@ def no_truth_sentence(rows: Sequence[Row], margin: float) -> str:
                 f"{'counts' if apart < margin else 'does not count'} as the same "
                 f"(margin {100.0 * margin:.2g} %), and are "
                 f"{', '.join(f'{value:.2g}' for value in ratio)} times those of {sequence} with known biases "
-                f"(position, rotation, velocity); iterations {counts}"
+                f"(position, rotation, velocity); {_of_biases(own)}iterations {counts}"
             )
     return f"{'. '.join(parts)}."

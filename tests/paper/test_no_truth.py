@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+import pytest
 import yaml
 
+import vigauge as vg
 from support import ROOT
 from vigauge.files import write_rows
+from vigauge_paper.experiments.solves import bias_errors
+from vigauge_paper.ids import BIAS_ERRORS
 from vigauge_paper.no_truth import no_truth_rows, no_truth_sentence
 from vigauge_paper.workflow.sequences import Sequences
 
@@ -32,6 +37,7 @@ def results(
                     ("p_rmse_m", "phi_rmse_deg", "v_rmse_mps"),
                     wrong * size * (free if gauge == "free" else 1.0),
                 ),
+                **dict.fromkeys(BIAS_ERRORS, 0.01 * wrong if name == "hall_no_truth" else ""),
             }
             for noise, wrong in (("consistent", 10.0), ("headline", 1.0))
             for gauge in GAUGES
@@ -53,6 +59,7 @@ def test_rows_are_those_of_each_form_at_the_headline_noise(tmp_path: Path) -> No
     assert rows["biases"].tolist() == ["known"] * 3 + ["estimated"] * 3
     assert rows["gauge"].tolist() == [*GAUGES, *GAUGES]
     assert rows["p_rmse_m"].tolist() == [1.0, 1.001, 1.0, 2.0, 2.002, 2.0]
+    assert rows["gyro_bias_rmse_radps"].tolist() == [""] * 3 + [0.01] * 3
     assert rows["relative_frobenius_converged"].tolist() == [1e-5] * 3 + [2e-5] * 3
 
 
@@ -61,10 +68,20 @@ def test_the_sentence_says_whether_gauges_agree(tmp_path: Path) -> None:
     text = no_truth_sentence(no_truth_rows(FORMS, *results(tmp_path), "rendered"), 0.025)
     assert "at most 0.1 %, which counts as the same (margin 2.5 %)" in text
     assert "2, 2, 2 times those of hall" in text and "fix 5, free 6, prior 7" in text
+    assert "biases are 0.01 rad/s and 0.01 m/s^2 from the truth's" in text
     apart = no_truth_sentence(no_truth_rows(FORMS, *results(tmp_path, free=1.2), "rendered"), 0.025)
     assert "at most 20 %, which does not count as the same" in apart
     failed = no_truth_sentence(no_truth_rows(FORMS, *results(tmp_path, converged=False), "rendered"), 0.025)
     assert failed == "hall_no_truth: a run did not converge."
+
+
+def test_biases_off_by_three_and_four_are_five_off() -> None:
+    """Catches an error a coordinate instead of a vector's, exchanged sensors, and a truth without biases."""
+    motion = vg.example_problem().initial
+    truth = motion.with_biases(np.zeros(3), np.zeros(3))
+    errors = bias_errors(motion.with_biases(np.array([3.0, 4.0, 0.0]), np.array([0.0, 0.0, 0.1])), truth)
+    assert [errors[name] for name in BIAS_ERRORS] == pytest.approx([5.0, 0.1])
+    assert set(bias_errors(truth, motion).values()) == {""} == set(bias_errors(motion, truth).values())
 
 
 def test_nothing_where_no_sequence_has_another_form() -> None:

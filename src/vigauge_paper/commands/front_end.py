@@ -17,7 +17,9 @@ from vigauge.cli.command import LOG
 from vigauge.errors import VigaugeError
 from vigauge.files import write_json, write_text
 from vigauge.model.archive import save_problems, save_states
-from vigauge.recordings.asl.ground_truth import read_ground_truth
+from vigauge.model.problem import Problem
+from vigauge.model.state import State
+from vigauge.recordings.asl.ground_truth import LARGEST_GAP_NS, GroundTruth, read_ground_truth
 from vigauge.recordings.asl.sequence import read_sequence
 from vigauge.recordings.asl.truth_steps import find_steps, steps_between, without_steps
 from vigauge.recordings.frontend.build import build_problem
@@ -49,6 +51,15 @@ def _refusal(options: argparse.Namespace, settings: FrontEndSettings) -> dict[st
     return {}
 
 
+def _true_state(truth: GroundTruth, t_ns: NDArray[np.int64], problem: Problem) -> State:
+    """The truth at the keyframes, with its biases where the problem estimates some and the truth has any."""
+    state = truth.states_at(t_ns)
+    if not problem.estimates_biases or truth.gyro_bias is None or truth.accel_bias is None:
+        return state
+    row = truth.nearest(t_ns, LARGEST_GAP_NS)
+    return state.with_biases(truth.gyro_bias[row], truth.accel_bias[row])
+
+
 def _build(options: argparse.Namespace, settings: FrontEndSettings) -> None:
     sequence = read_sequence(options.sequence, sort=options.sort)
     biases = read_ground_truth(options.biases, sort=options.sort)
@@ -73,7 +84,8 @@ def _build(options: argparse.Namespace, settings: FrontEndSettings) -> None:
             1e3 * step.length_m,
             step.t_ns,
         )
-    save_states(options.truth_output, [without_steps(truth, steps).states_at(t_ns), truth.states_at(t_ns)])
+    truths = [_true_state(one, t_ns, problem) for one in (without_steps(truth, steps), truth)]
+    save_states(options.truth_output, truths)
     save_problems(options.output, [problem])
     details = report.to_mapping()
     found_steps = [{"t_ns": step.t_ns, "shift_m": step.shift_W.tolist()} for step in inside]

@@ -12,7 +12,7 @@ from vigauge.model.archive import load_problems, load_states, save_states
 from vigauge.observability.diagnosis import diagnose
 from vigauge.solver.levenberg_marquardt import Options
 from vigauge_paper.experiments.interleaved import TimedSolve, Trial, solution_row, solve_once, trace_rows
-from vigauge_paper.experiments.solves import under_noise
+from vigauge_paper.experiments.solves import bias_errors, under_noise
 from vigauge_paper.ids import GAUGES
 from vigauge_paper.prior import gauges as gauges_of
 from vigauge_paper.run.artefacts import FILE, PRIOR_KEYS, add_prior, add_solver
@@ -54,7 +54,7 @@ def work(options: argparse.Namespace) -> None:
     ]
     bar = progress(trials, "solved", "trial", len(trials))
     solves = list(solve_once(bar, gauges, solver))
-    rows = [solution_row(s, truth) | _consistency(s) for s in solves]
+    rows = [solution_row(s, truth) | bias_errors(s.solution.state, truth) | _consistency(s) for s in solves]
     write_rows(options.solutions, rows)
     write_rows(options.trace, [row for s in solves for row in trace_rows(s)])
     shown = [s for s in solves if s.trial.labels["trial"] == 0 and s.gauge in GAUGES]

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from vigauge.covariance.covariance import Covariance, motion_pseudo_inverse
@@ -19,7 +18,7 @@ from vigauge.gauge.gauges import FixedGauge, Gauge, three_gauges
 from vigauge.geometry.so3 import Array
 from vigauge.model.evaluation import relative_frobenius, trajectory_errors
 from vigauge.model.problem import Problem
-from vigauge.model.state import BIASES, State
+from vigauge.model.state import State
 from vigauge.solver.levenberg_marquardt import Options, Solution
 from vigauge.solver.reintegration import solve_with_samples
 from vigauge.synthetic.biases import BiasedTrial, make_biased_trial
@@ -28,6 +27,7 @@ from vigauge.synthetic.scenario import make_scene, make_trial
 from ..ids import BIAS_ERRORS, CONFIGURATIONS, ERRORS, ESTIMATED, FIX, KNOWN, Row
 from .experiment import Experiment, Material
 from .interleaved import TimedSolve, Trial, solve_interleaved
+from .solves import bias_errors
 
 SECONDS = "seconds_per_iteration"
 ERRORS_IN_WORDS = {
@@ -126,7 +126,7 @@ def _trial_rows(
                 "iterations": mine[0].iterations,
                 "seconds": min(one.seconds for one in mine),
                 **{name: getattr(errors, name) for name in ERRORS},
-                **_bias_errors(solution.state, biased.truth),
+                **bias_errors(solution.state, biased.truth),
                 "parameters": problem.initial.n_parameters,
                 "hessian_rank": found.rank if found else "",
                 "relative_frobenius_same_point": found.same_point if found else "",
@@ -144,15 +144,6 @@ def _covariances(problem: Problem, solution: Solution) -> _Covariances | None:
         return _Covariances.of(problem, solution.state) if solution.converged else None
     except DegenerateError:
         return None
-
-
-def _bias_errors(state: State, truth: State) -> Row:
-    """RMSE of both biases over the keyframes, rad/s and m/s^2; empty where they are known."""
-    if not state.has_biases:
-        return dict.fromkeys(BIAS_ERRORS, "")
-    differences = (getattr(state, name) - getattr(truth, name) for name in BIASES)
-    lengths = (float(np.sqrt(np.mean(np.sum(d**2, axis=1)))) for d in differences)
-    return dict(zip(BIAS_ERRORS, lengths, strict=True))
 
 
 def error_rows(runs: pd.DataFrame) -> list[Row]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
+
 from vigauge.errors import ConfigError
 from vigauge.gauge.gauges import Gauge
 from vigauge.model.evaluation import trajectory_errors
 from vigauge.model.problem import Problem
-from vigauge.model.state import State
+from vigauge.model.state import BIASES, State
 from vigauge.solver.levenberg_marquardt import Options, solve
-from vigauge_paper.ids import ERRORS, HEADLINE, Row
+from vigauge_paper.ids import BIAS_ERRORS, ERRORS, HEADLINE, Row
 
 
 def under_noise(
@@ -24,6 +26,15 @@ def under_noise(
         raise ConfigError("config section 'noise'", "must have a model 'headline'", value=sorted(noise))
     names = [HEADLINE, *(name for name in noise if name != HEADLINE)]
     return {name: [problem.with_noise(**noise[name]) for problem in problems] for name in names}
+
+
+def bias_errors(state: State, truth: State) -> Row:
+    """RMSE of both biases over the keyframes, rad/s and m/s^2; empty where one of the states has none."""
+    if not (state.has_biases and truth.has_biases):
+        return dict.fromkeys(BIAS_ERRORS, "")
+    differences = (getattr(state, name) - getattr(truth, name) for name in BIASES)
+    lengths = (float(np.sqrt(np.mean(np.sum(d**2, axis=1)))) for d in differences)
+    return dict(zip(BIAS_ERRORS, lengths, strict=True))
 
 
 def solve_all(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import vigauge as vg
 from vigauge.errors import DataError
 from vigauge.gauge.gauges import FixedGauge, FreeGauge
 from vigauge.geometry import so3
@@ -29,6 +30,7 @@ from vigauge.recordings.frontend.report import FrontEndReport
 from vigauge.recordings.frontend.settings import FrontEndSettings
 from vigauge.solver.levenberg_marquardt import Solution, solve
 from vigauge.solver.residuals import inertial_residual, visual_residual
+from vigauge_paper.commands.front_end import _true_state
 from vigauge_paper.stand_in.asl_folder import write_asl_folder
 from vigauge_paper.stand_in.rendering import RenderSettings, render_sequence
 from vigauge_paper.stand_in.scene import point_at_pixel
@@ -329,6 +331,18 @@ def test_stage_writes_problem_truth_and_report(rendered, tmp_path: Path) -> None
     assert problem.initial.n_keyframes == truth.n_keyframes == report["keyframes"] == 7
     assert trajectory_errors(problem.initial, truth).p_rmse_m < 0.03
     assert report["truth_steps"] == [] and np.array_equal(truth.p_W, published.p_W)
+
+
+def test_truth_has_biases_where_they_are_estimated(rendered) -> None:
+    """Biases whose errors nobody measures; or a truth of another shape than the estimate."""
+    problem, t_ns = vg.example_problem(biases="estimated"), rendered.sequence.frames.t_ns[::5]
+    rows = rendered.truth.nearest(t_ns)
+    state = _true_state(rendered.truth, t_ns, problem)
+    assert np.array_equal(state.gyro_bias, rendered.truth.gyro_bias[rows])
+    assert np.array_equal(state.accel_bias, rendered.truth.accel_bias[rows])
+    poses = replace(rendered.truth, gyro_bias=None, accel_bias=None)
+    assert not _true_state(poses, t_ns, problem).has_biases
+    assert not _true_state(rendered.truth, t_ns, vg.example_problem()).has_biases
 
 
 def test_jump_of_the_truth_is_taken_out_and_reported(rendered, tmp_path: Path) -> None:
