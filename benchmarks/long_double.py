@@ -3,8 +3,6 @@
 Where a long double is a double, it is good to 1e-12 still: no difference is taken, and nothing is squared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

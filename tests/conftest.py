@@ -1,7 +1,5 @@
 """What all tests share: one BLAS thread, no display, repeatable examples, and EuRoC where it is."""
 
-from __future__ import annotations
-
 import os
 
 # Read when NumPy and Matplotlib are first imported, so set before anything imports them.

@@ -1,7 +1,5 @@
 """The pages of docs: their Python as a reader runs it, each answer against another way to it."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The one family of errors: what a message says, and that it survives a process boundary."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Writing all or nothing: what is left behind when a writer fails."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

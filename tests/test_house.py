@@ -1,7 +1,5 @@
 """The house: who may import whom, what the package depends on, and what no file may name."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

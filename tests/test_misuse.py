@@ -3,8 +3,6 @@
 # A table reads line by line.
 # ruff: noqa: E501
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ What is damaged is drawn for every public function in turn; none of them may giv
 input that has none, or an error of NumPy, LAPACK or compiled code.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """The public names: one table, and what Python, type checkers and help() make of it."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The wheel: what is in it, what it needs, and what its user's type checker and Python say."""
 
-from __future__ import annotations
-
 import email
 import json
 import os

@@ -1,7 +1,5 @@
 """BAL files through the adapter, against residuals differenced as BAL's page defines them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A Jacobian as Ceres writes it: the page's C++ compiled and run, its covariance against Ceres' own."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """g2o files through the adapter, against residuals differenced as g2o defines them, and against GTSAM."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Graphs of GTSAM's own factors through the adapter, against Marginals and the dense pseudo-inverse."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

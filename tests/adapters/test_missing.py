@@ -1,7 +1,5 @@
 """The adapters where their packages are not installed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

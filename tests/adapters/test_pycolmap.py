@@ -1,7 +1,5 @@
 """COLMAP's synthetic reconstructions by the adapter, against 18 digits and COLMAP's own."""
 
-from __future__ import annotations
-
 import zlib  # noqa: F401  isort: skip
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One small problem, its files, and competitors that misbehave on purpose."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

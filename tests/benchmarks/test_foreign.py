@@ -1,7 +1,5 @@
 """The race on other solvers' matrices, at sizes of a second."""
 
-from __future__ import annotations
-
 import csv
 import json
 

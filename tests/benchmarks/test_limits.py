@@ -1,7 +1,5 @@
 """Floors and where time goes: counts against direct ones, records against made-up ones."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The problems that all solvers start from."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The harness: who is late, greedy, broken or wrong gets a row that says so, and no ratio."""
 
-from __future__ import annotations
-
 import sys
 from contextlib import ExitStack
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Every solver that can be had here, on one small problem: same minimum, same covariance."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`vigauge covariance` and `vigauge diagnose`: what they write and say, and their exit status."""
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Inverses of banded matrices against the dense inverse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.linalg.lapack as lapack

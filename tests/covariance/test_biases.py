@@ -1,7 +1,5 @@
 """Covariances of problems with biases: 15 parameters a keyframe, in every gauge, dense and banded."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

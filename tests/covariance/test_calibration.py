@@ -1,7 +1,5 @@
 """NEES bands, and how well covariances are calibrated under a robust loss with outliers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

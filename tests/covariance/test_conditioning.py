@@ -1,7 +1,5 @@
 """What a covariance is judged by: information next to rounding, in any unit, scale, storage and place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Chi-square per redundancy of the two groups of measurements; NEES and its band."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

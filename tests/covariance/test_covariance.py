@@ -1,7 +1,5 @@
 """Covariances against dense algebra, and the identities that join the gauges (Section VI)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

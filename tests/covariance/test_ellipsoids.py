@@ -1,7 +1,5 @@
 """Ellipsoids of covariances: by their quadratic form, and what they refuse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

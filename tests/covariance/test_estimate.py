@@ -1,7 +1,5 @@
 """The covariance of anyone's estimate, against long-double and pseudo-inverse oracles of dense matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse

@@ -1,7 +1,5 @@
 """Blocks of a covariance against the whole matrix, dense and banded."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

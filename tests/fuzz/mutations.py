@@ -1,7 +1,5 @@
 """Malformed files from valid ones: bytes spoilt anywhere, and spoilt inside an intact container."""
 
-from __future__ import annotations
-
 import io
 import struct
 import warnings

@@ -3,8 +3,6 @@
 The property: a reader takes the file or raises VigaugeError; nothing else, and soon.
 """
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator

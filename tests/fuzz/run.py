@@ -3,8 +3,6 @@
 An input that crashes a reader is kept; after a crash of the interpreter the last one is ``current``.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

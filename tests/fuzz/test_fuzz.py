@@ -1,7 +1,5 @@
 """A short run of the fuzzing harness; ``make fuzz`` is the long one, ``docs/fuzzing.csv`` its record."""
 
-from __future__ import annotations
-
 import csv
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Files made to do harm, each kind once: what fuzzing found, and what it would need luck to find."""
 
-from __future__ import annotations
-
 import struct
 import time
 import zipfile

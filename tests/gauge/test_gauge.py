@@ -1,7 +1,5 @@
 """Gauges: the orbit's tangent, the constraints' normals, and where an orbit meets a gauge."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Groups: tangents are derivatives of actions, and actions leave their measurements as they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

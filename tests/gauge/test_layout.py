@@ -1,7 +1,5 @@
 """Foreign layouts: the null space and the normals against differences of the group's action."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cameras: projection, distortion, their Jacobians, and the inverse of the distortion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

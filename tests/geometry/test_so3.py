@@ -1,7 +1,5 @@
 """SO(3): group axioms, inverses, and Jacobians against exact series on both sides of the threshold."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import factorial
 

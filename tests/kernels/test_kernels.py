@@ -1,7 +1,5 @@
 """Kernels against plain NumPy forms: rotations at every size of angle, products, damping."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Problems and states on disk: nothing lost, same bytes, and broken files refused."""
 
-from __future__ import annotations
-
 import time
 import zipfile
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Errors after 4-DoF alignment, and the comparison of covariances."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

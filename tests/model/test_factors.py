@@ -1,7 +1,5 @@
 """Motion factors: the solver, the covariance and the diagnosis respect them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trajectories in the columns of ROS and OpenVINS: sides, orders, and broken files refused."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

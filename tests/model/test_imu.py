@@ -1,7 +1,5 @@
 """Preintegration: against the exact motion, against Monte-Carlo noise, and where samples are missing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

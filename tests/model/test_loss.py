@@ -1,7 +1,5 @@
 """Robust losses: cost, weights and gradient by their definitions, in the solver, in H, and refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

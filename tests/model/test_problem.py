@@ -1,7 +1,5 @@
 """Problems: the order of observations, and bad measurements refused before they reach the solver."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """States: the retraction of Eqs. (8)-(9), the gauge group of Eqs. (4)-(5), and bad input."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

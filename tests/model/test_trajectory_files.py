@@ -1,7 +1,5 @@
 """Trajectories on disk: nothing lost that the format can hold, read by evo, and broken files refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The audit of an information matrix: each fault put in by hand is named, and a sound matrix has none."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Degenerate problems: found by the null space of H, and named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

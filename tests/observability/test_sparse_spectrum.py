@@ -1,7 +1,5 @@
 """Large sparse information matrices: the finding of the dense ones, without a dense matrix."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import tracemalloc

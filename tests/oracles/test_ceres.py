@@ -4,8 +4,6 @@ Residuals and Jacobians are ours in both; the loop, the damping, the linear solv
 whole Jacobian, no elimination) and the retraction (unit quaternions) are those of Ceres.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trajectory errors against evo, the tool that most papers report with."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@ Projection factors are GTSAM's own, and as the benchmarks have them. The inertia
 in GTSAM's terms, with increments on the right, in the body frame, where ours are on the left, in the world.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Problems with biases in GTSAM, on its own preintegration: same minimum, same covariance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """A pose graph of GTSAM's own factors: its information matrix by our layout, against its Marginals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.sparse

@@ -1,7 +1,5 @@
 """The paper's claims with biases in the state: runs, verdicts, sentences, figure."""
 
-from __future__ import annotations
-
 import argparse
 import itertools
 from dataclasses import asdict

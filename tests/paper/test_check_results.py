@@ -1,7 +1,5 @@
 """A build against the expected values: what lies beyond its tolerance is found, what lies within is not."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

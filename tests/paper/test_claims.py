@@ -1,7 +1,5 @@
 """The ledger: each claim must be able to come out either way, from result files alone."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Published numbers beside ours: every one is there, and whether it lies in our range is told right."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from dataclasses import replace

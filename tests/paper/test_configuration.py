@@ -1,7 +1,5 @@
 """The shipped configuration and its schema."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 from typing import Any

@@ -1,7 +1,5 @@
 """Interleaved solves: pairing, order, and rows without times."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 

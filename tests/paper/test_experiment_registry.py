@@ -1,7 +1,5 @@
 """The list of explaining experiments: complete, configured, and cited."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import pkgutil

@@ -1,7 +1,5 @@
 """The table of faults: every case has a test that exists."""
 
-from __future__ import annotations
-
 import ast
 import csv
 

@@ -1,7 +1,5 @@
 """Names that are written once agree with what others call the same things."""
 
-from __future__ import annotations
-
 import yaml
 
 from support import ROOT

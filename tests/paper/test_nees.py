@@ -1,7 +1,5 @@
 """NEES of simulated trials: the same in every gauge, in its band, and outside where something is broken."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Table III without any ground truth in the estimate: whose rows, and what is said of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

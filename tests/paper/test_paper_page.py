@@ -1,7 +1,5 @@
 """The page of the paper, its generated part, and what README.md says of it."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """How far long work has got."""
 
-from __future__ import annotations
-
 import logging
 
 import pytest

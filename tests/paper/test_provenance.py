@@ -1,7 +1,5 @@
 """Stamps of results: what they hold, and which mixtures they let nobody make."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Experiments that explain the results: each must show its effect where there is one, and none elsewhere."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

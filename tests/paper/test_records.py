@@ -1,7 +1,5 @@
 """The records of the long tests that are run by hand: `make recovery` and `make test-slurm`."""
 
-from __future__ import annotations
-
 import csv
 
 import pytest

@@ -1,7 +1,5 @@
 """The sweep of assumptions: the setting that was asked for is the one that is run and judged."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

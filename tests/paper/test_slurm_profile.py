@@ -1,7 +1,5 @@
 """The profile for Slurm."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Spread over changes of the front-end: what is in it, and what the note may say of it."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 import yaml

@@ -1,7 +1,5 @@
 """Tables: what is averaged, what is marked, and that each format is well formed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

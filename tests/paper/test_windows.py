@@ -1,7 +1,5 @@
 """A window's row: all figures of its results, or where and why it was refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A rendered recording through a fisheye, made once for all tests of recordings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Visual-inertial alignment without truth, on simulated motions whose biases are known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

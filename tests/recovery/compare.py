@@ -1,7 +1,5 @@
 """Results of two runs, byte by byte but for what tells times."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -8,8 +8,6 @@ what ``make paper`` does, and its results are compared with those of an undistur
 bytes, but for times. The exit status is 1 where anything differs.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import os

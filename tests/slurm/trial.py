@@ -4,8 +4,6 @@
 jobcomp/filetxt does.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -1,7 +1,5 @@
 """The trust-region loop: where it ends in each gauge, how it ends, and how it counts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Block normal equations and Schur complement against dense linear algebra."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Integration anew at the biases found: the minimum does not depend on where samples were integrated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Residuals against their definitions, and every Jacobian block against central differences."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

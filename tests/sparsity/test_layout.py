@@ -1,7 +1,5 @@
 """Dense and banded storage of one symmetric matrix: the same answers from both."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contents of a small, valid ASL folder, spelt out so that no code under test has a part in it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

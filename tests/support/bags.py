@@ -1,7 +1,5 @@
 """Rosbags of ROS 1 and 2, message by message."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import count
 from pathlib import Path

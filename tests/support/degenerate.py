@@ -1,7 +1,5 @@
 """Problems of a prescribed motion, exactly measured: what is unobservable is so to rounding."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The dense Jacobian of a problem, scattered block by block, in the plainest way."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from support.plain_residuals import inertial_term, visual_term

@@ -1,7 +1,5 @@
 """Numerical derivatives to compare analytic ones with."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

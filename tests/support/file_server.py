@@ -1,7 +1,5 @@
 """A host on this machine that gives files as well, or as badly, as real ones do."""
 
-from __future__ import annotations
-
 import re
 import threading
 from collections.abc import Iterator

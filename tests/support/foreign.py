@@ -1,7 +1,5 @@
 """Estimates by other solvers' conventions: how they move, and matrices with a known null space."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

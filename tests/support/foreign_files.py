@@ -1,7 +1,5 @@
 """Files of other tools for the tests, with their residuals as those tools define them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

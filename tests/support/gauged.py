@@ -1,7 +1,5 @@
 """The covariance of normal equations that a test has at hand."""
 
-from __future__ import annotations
-
 from vigauge.covariance.covariance import Covariance
 from vigauge.covariance.covariance import motion_pseudo_inverse as pseudo_inverse_of
 from vigauge.gauge.gauges import Gauge

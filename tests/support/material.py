@@ -1,7 +1,5 @@
 """What the page is made of, tiny: a file of every figure, table and experiment."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ frame, Eq. (8); ``first_rotation_chain`` turns the one of keyframe 0 into a Jaco
 respect to the total increment of Eq. (9).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,8 +1,6 @@
 """A problem with everything switched on at once: two cameras off the body's origin, a first
 rotation away from its reference, and large residuals of every kind."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 The baseline agrees with every claim of the paper; tests alter one thing and look at what follows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -3,8 +3,6 @@
 The numbers are those of the paper's experiment, with fewer landmarks.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

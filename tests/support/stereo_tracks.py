@@ -1,7 +1,5 @@
 """Tracks of known points seen by EuRoC's stereo pair from known poses, and images with known shifts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

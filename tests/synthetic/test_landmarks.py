@@ -1,7 +1,5 @@
 """Landmarks: on planes or at random depths, and seen often enough."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What the simulated sensors report: noise of the stated size, biases, and points in the image."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.stats import chi2
 

@@ -1,7 +1,5 @@
 """Scenes and trials: repeatable, independent of each other, and disturbed by what Section V-B says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

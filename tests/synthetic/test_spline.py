@@ -1,7 +1,5 @@
 """The spline trajectory: its sensors against finite differences of its poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The three shapes of Section IV-A: length, speed, and that all six degrees of freedom move."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A stage whose output cannot be written: one clear line, exit status 2, nothing corrupted."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

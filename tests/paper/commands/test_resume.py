@@ -1,7 +1,5 @@
 """Starting again after a kill: what counts as a run that is still going on."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

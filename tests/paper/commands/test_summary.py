@@ -1,7 +1,5 @@
 """The summary that goes into docs/paper.md."""
 
-from __future__ import annotations
-
 import pytest
 
 from vigauge_paper.commands.summary import _marked

@@ -1,7 +1,5 @@
 """Times of several experiments taken in one process."""
 
-from __future__ import annotations
-
 import json
 from argparse import Namespace
 from dataclasses import asdict

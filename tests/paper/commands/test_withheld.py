@@ -1,7 +1,5 @@
 """The stages on problems that have no covariance: marked, withheld and said, all the way to the figures."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Fetching, end to end, from a host on this machine that serves a nested bundle of EuRoC's shape."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

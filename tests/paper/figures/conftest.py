@@ -1,7 +1,5 @@
 """What tests of single figures share."""
 
-from __future__ import annotations
-
 import importlib
 
 import pytest

@@ -1,7 +1,5 @@
 """The chart of Figures 2 and 8, and the operators of (12) in it, against the dense matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Figures 7 and 11: what is on the panels is whole, and the paper's times are ours times a stated factor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

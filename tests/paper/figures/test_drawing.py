@@ -1,7 +1,5 @@
 """Figures from made-up results: files, bytes, the numbers beside them, and what they must say."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path

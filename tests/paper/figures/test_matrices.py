@@ -1,7 +1,5 @@
 """Figures 9 and 10: the paper's covariances and ours under one epsilon, on the same grey levels."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

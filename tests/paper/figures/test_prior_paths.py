@@ -1,7 +1,5 @@
 """Figure 6: every path with its weight, every iteration with its number, the paper's and ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The figure of what a prior's weight multiplies: the slopes it states, and lines too short for one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

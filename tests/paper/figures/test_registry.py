@@ -1,7 +1,5 @@
 """The list of figures: nothing draws a figure that is not in it, and nothing in it is missing."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 

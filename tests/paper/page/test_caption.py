@@ -1,7 +1,5 @@
 """Captions of the report, in the page."""
 
-from __future__ import annotations
-
 import pytest
 
 from support import ROOT

@@ -1,7 +1,5 @@
 """The gauge explorer in a real browser: its numbers against Python's, its sliders by mouse and keyboard."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import shutil

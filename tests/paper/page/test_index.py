@@ -1,7 +1,5 @@
 """The page a reader opens first: what is on it, where its links lead, and that nothing points outside."""
 
-from __future__ import annotations
-
 import base64
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Our own Markdown as HTML."""
 
-from __future__ import annotations
-
 from vigauge_paper.page.markdown import html, section
 from vigauge_paper.tables import markdown
 

@@ -1,7 +1,5 @@
 """Rendered sequences: exact geometry behind the pixels, consistent inertial data, same seed same bytes."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Ray-casts against what they mean: the first surface on the way, and nothing before it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

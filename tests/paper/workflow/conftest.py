@@ -1,7 +1,5 @@
 """A scratch project that shares the sources, and one smoke run of the whole pipeline in it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

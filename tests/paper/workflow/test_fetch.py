@@ -1,7 +1,5 @@
 """The target that fetches EuRoC: from a host on this machine, and never unless it is asked for."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

@@ -1,7 +1,5 @@
 """The page on own data, followed to the letter with a recording that no configuration knows."""
 
-from __future__ import annotations
-
 import csv
 import os
 import re

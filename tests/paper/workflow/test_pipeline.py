@@ -1,7 +1,5 @@
 """The DAG itself: artefacts, reruns, resumption, configuration errors."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """Runs that are killed, doubled or mixed: the same results, or one clear sentence."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """What a run says on the terminal, with a small workflow in the place of the paper's."""
 
-from __future__ import annotations
-
 import os
 import pty
 import re

@@ -1,7 +1,5 @@
 """A small, valid ASL folder, ready to be spoilt."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

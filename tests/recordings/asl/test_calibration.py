@@ -1,7 +1,5 @@
 """``sensor.yaml``: read exactly, and refused where it describes another kind of sensor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

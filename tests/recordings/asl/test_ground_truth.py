@@ -1,7 +1,5 @@
 """Ground truth of 8 and 17 columns, its quaternion order, and look-ups by nearness."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

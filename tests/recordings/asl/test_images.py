@@ -1,7 +1,5 @@
 """Images: the pixels as they are, and an error naming the file for everything else."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Matching stamps by nearness, against trying all."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

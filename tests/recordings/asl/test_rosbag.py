@@ -1,7 +1,5 @@
 """A recording through a bag and back: every stamp, pixel and number where it was."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable, Mapping

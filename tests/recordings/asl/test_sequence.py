@@ -1,7 +1,5 @@
 """A whole ASL folder: read as it is, refused with file and line when any part of it is bad."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The strict reader of ``data.csv``: every way a file can be bad, one by one, with its line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

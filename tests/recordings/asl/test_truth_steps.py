@@ -1,7 +1,5 @@
 """Steps in a ground truth: found from truth and inertial samples, and taken out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A rendered recording with exact truth, and copies of it to spoil."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Each fault that a recording may have, made on purpose: the check must say so in words that help."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Turns against the gyroscope: clocks, axes, units and bias come out as they were put in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

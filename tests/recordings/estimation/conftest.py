@@ -1,7 +1,5 @@
 """An estimate of the rendered flight, made once, from a copy that has no ground truth."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -3,8 +3,6 @@
 `docs/faults.csv` lists the refusals; its messages are held against what the command says here.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """An estimate without a truth, against the exact truth of a rendered flight."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The folder of an estimate: what is in it, that it is whole, and what it never replaces."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

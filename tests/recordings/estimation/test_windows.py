@@ -1,7 +1,5 @@
 """Which windows are proposed for recordings with gaps and rests."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

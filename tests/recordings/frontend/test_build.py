@@ -1,7 +1,5 @@
 """The whole front-end: on a rendered sequence against exact truth, and on EuRoC where it is."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

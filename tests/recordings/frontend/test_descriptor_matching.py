@@ -1,7 +1,5 @@
 """Descriptor matching: the matching rule by itself, and pairs of views of a known scene."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

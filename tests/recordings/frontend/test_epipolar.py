@@ -1,7 +1,5 @@
 """Relative poses from matches: far apart, with wrong matches and with poor depths among them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@
 the command does here.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import os

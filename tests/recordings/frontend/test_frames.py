@@ -1,7 +1,5 @@
 """Frames that are of no use: skipped and counted, or the segment is refused with numbers."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from dataclasses import replace

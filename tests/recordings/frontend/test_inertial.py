@@ -1,7 +1,5 @@
 """Inertial factors with known biases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Visual-inertial alignment on motions whose velocities and gravity are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Choice of keyframes."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Keyframe poses by PnP, one after the other."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

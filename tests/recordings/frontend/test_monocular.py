@@ -1,7 +1,5 @@
 """Poses from one camera, up to scale."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

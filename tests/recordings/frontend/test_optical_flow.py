@@ -1,7 +1,5 @@
 """Corners and optical flow on images whose motion is known."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Outlier removal by solving and dropping."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

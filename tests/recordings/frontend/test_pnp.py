@@ -1,7 +1,5 @@
 """Camera poses by RANSAC PnP."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

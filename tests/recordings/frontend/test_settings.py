@@ -1,7 +1,5 @@
 """Settings of the front-end: what is refused, and with which words."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import jsonschema

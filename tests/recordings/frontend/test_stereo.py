@@ -1,7 +1,5 @@
 """Geometry of the stereo pair, and the search along rectified rows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

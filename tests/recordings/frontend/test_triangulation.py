@@ -1,7 +1,5 @@
 """Triangulation with pycolmap and its checks."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
