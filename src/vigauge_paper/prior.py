@@ -6,9 +6,11 @@ figures it multiplies the residual of Eq. (11), so that the information is its s
 
 from __future__ import annotations
 
-from vigauge.gauge.gauges import Gauge, PriorGauge, three_gauges
+from collections.abc import Iterable
 
-from .ids import PRIOR_AS_PRINTED
+from vigauge.gauge.gauges import FreeGauge, Gauge, PriorGauge, three_gauges
+
+from .ids import FREE, PRIOR_AS_PRINTED
 
 # What a weight multiplies.
 RESIDUAL, INFORMATION = "residual", "information"
@@ -27,3 +29,9 @@ def gauges(weight: float, reading: str) -> dict[str, Gauge]:
     if reading != INFORMATION:
         out[PRIOR_AS_PRINTED] = PriorGauge(weight)
     return out
+
+
+def swept(weights: Iterable[str], reading: str) -> dict[str, Gauge]:
+    """A prior for every weight of a sweep, by the weight as it is written, and the free gauge."""
+    out: dict[str, Gauge] = {weight: PriorGauge(information(weight, reading)) for weight in weights}
+    return out | {FREE: FreeGauge()}

@@ -69,7 +69,7 @@ def jobs(record: Path, project: Path) -> list[Job]:
 
 def beside_a_timed_one(done: list[Job]) -> list[str]:
     """Pairs of jobs that ran at the same time, one of them timed."""
-    alone = re.compile("rule_(time_|prior_sweep|reasons_time)")
+    alone = re.compile("rule_(time_|reasons_time)")
     return [
         f"{one.stage} beside {other.stage}"
         for one, other in combinations(sorted(done, key=lambda job: job.start), 2)

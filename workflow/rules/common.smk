@@ -86,7 +86,7 @@ def made(kind, names, stamp=False):
     for name in names:
         maker, output = producer(kind, name)
         file = getattr(getattr(rules, maker).output, "stamp" if stamp else output)
-        files += expand(file, configuration=name, sequence=name, experiment=name, timed=name)
+        files += expand(file, configuration=name, sequence=name, experiment=name, timed=name, untimed=name)
     return files
 
 

@@ -1,48 +1,54 @@
 """Experiments that explain the results: what the ledger gives as its reasons."""
 
+# What an experiment may read, and of which configurations and sequences.
+READ_BY_REASONS = {
+    "problems": CONFIGURATIONS,
+    "truths": CONFIGURATIONS,
+    "covariances": EXPERIMENTS,
+    "sweep_trace": [SWEEP],
+}
 
+
+def read_by(wildcards):
+    """Results that an experiment reads, so that it waits for no others."""
+    return reads(**{kind: READ_BY_REASONS[kind] for kind in EXPLAINING[wildcards.untimed].reads})
+
+
+# One of them is the longest stage of all: what is long begins first.
 rule reasons:
     input:
-        **reads(
-            problems=CONFIGURATIONS,
-            truths=CONFIGURATIONS,
-            traces=EXPERIMENTS,
-            covariances=EXPERIMENTS,
-            sweep_trace=[SWEEP],
-        ),
+        unpack(read_by),
         published=published("table2.csv", "fig06_prior_error_paths.csv", "fig09.npz", "fig10.npz"),
     output:
-        **{name: f"data/reasons/{name}.csv" for name in UNTIMED},
-        stamp="data/reasons/stamp.json",
+        table="data/reasons/{untimed}.csv",
+        stamp="data/reasons/{untimed}.stamp.json",
     log:
-        "logs/reasons.log",
+        "logs/reasons/{untimed}.log",
     benchmark:
-        "logs/benchmark/reasons.tsv"
+        "logs/benchmark/reasons/{untimed}.tsv"
+    wildcard_constraints:
+        untimed=names_of(UNTIMED),
     conda:
         "../envs/vigauge.yaml"
+    priority: 1
     resources:
         runtime=120,
     params:
         code=code_of("reasons"),
-        problems=parameters.named("problems", CONFIGURATIONS),
-        truths=parameters.named("truths", CONFIGURATIONS),
-        traces=parameters.named("traces", EXPERIMENTS),
-        covariances=parameters.named("covariances", EXPERIMENTS),
+        files=parameters.flags_of(READ_BY_REASONS),
         published=parameters.folder_of_published,
         sweep_configuration=SWEEP,
         information=PRIOR_INFORMATION,
         solver=section("solver"),
         simulation=section("simulation"),
-        settings=json.dumps({k: v for k, v in config["reasons"].items() if k in UNTIMED}, sort_keys=True),
-        output=parameters.folder_of_output,
+        settings=lambda wildcards: json.dumps(config["reasons"].get(wildcards.untimed, {}), sort_keys=True),
     message:
-        "Running the experiments that explain the results"
+        "Running the explaining experiment {wildcards.untimed}"
     shell:
-        "python -m vigauge_paper.commands.reasons --problems {params.problems:q} --truths {params.truths:q}"
-        " --traces {params.traces:q} --covariances {params.covariances:q} --sweep-trace {input.sweep_trace:q}"
+        "python -m vigauge_paper.commands.reasons --experiment {wildcards.untimed} {params.files}"
         " --sweep-configuration {params.sweep_configuration} {params.published}"
         " --simulation {params.simulation:q} --prior-information {params.information}"
-        " --solver {params.solver:q} --settings {params.settings:q} --output {params.output:q}"
+        " --solver {params.solver:q} --settings {params.settings:q} --output {output.table:q}"
         " --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
 
 

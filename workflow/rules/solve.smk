@@ -107,24 +107,44 @@ rule prior_sweep:
     output:
         sweep="data/prior_sweep/sweep.csv",
         trace="data/prior_sweep/trace.csv",
-        timing="data/prior_sweep/timing.csv",
         stamp="data/prior_sweep/stamp.json",
     log:
         "logs/prior_sweep.log",
+    conda:
+        "../envs/vigauge.yaml"
+    params:
+        code=code_of("prior_sweep"),
+        weights=config["prior"]["sweep_weights"],
+        solver=section("solver"),
+    message:
+        "Solving under a range of prior weights"
+    shell:
+        "python -m vigauge_paper.commands.prior_sweep --problems {input.problems:q} --truth {input.truths:q}"
+        " --weights {params.weights} --solver {params.solver:q} --sweep {output.sweep:q}"
+        " --trace {output.trace:q} --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"
+
+
+rule time_sweep:
+    input:
+        **reads(problems=[SWEEP]),
+    output:
+        timing="data/timing/prior_sweep.csv",
+        stamp="data/timing/prior_sweep.stamp.json",
+    log:
+        "logs/time_sweep.log",
     conda:
         "../envs/vigauge.yaml"
     resources:
         **ALONE,
         runtime=120,
     params:
-        code=code_of("prior_sweep"),
+        code=code_of("time_sweep"),
         weights=config["prior"]["sweep_weights"],
         repeats=config["timing"]["repeats_sweep"],
         solver=section("solver"),
     message:
-        "Solving under a range of prior weights"
+        "Timing the range of prior weights"
     shell:
-        "python -m vigauge_paper.commands.prior_sweep --problems {input.problems:q} --truth {input.truths:q}"
-        " --weights {params.weights} --repeats {params.repeats} --solver {params.solver:q}"
-        " --sweep {output.sweep:q} --trace {output.trace:q} --timing {output.timing:q}"
+        "python -m vigauge_paper.commands.time_sweep --problems {input.problems:q} --weights {params.weights}"
+        " --repeats {params.repeats} --solver {params.solver:q} --timing {output.timing:q}"
         " --stamps {input.stamps:q} --stamp {output.stamp:q} &> {log:q}"

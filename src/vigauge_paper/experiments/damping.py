@@ -50,4 +50,4 @@ def sentence(e: Evidence) -> str:
     )
 
 
-EXPERIMENT = Experiment("damping", rows, Settings)
+EXPERIMENT = Experiment("damping", rows, Settings, reads=("problems", "truths"))

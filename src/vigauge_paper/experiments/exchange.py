@@ -82,4 +82,4 @@ def sentence(e: Evidence, name: str) -> str:
     )
 
 
-EXPERIMENT = Experiment("exchange", rows)
+EXPERIMENT = Experiment("exchange", rows, reads=("covariances",))

@@ -21,10 +21,10 @@ from ..ids import Row
 class Material:
     """What experiments start from.
 
-    ``problems`` and ``truths`` of the simulated configurations, ``traces`` and ``covariances`` of all
-    results, by name; ``sweep_trace`` of the prior weights, done on ``sweep_configuration``; ``published``
+    ``problems`` and ``truths`` of the simulated configurations and ``covariances`` of all results, by name;
+    ``sweep_trace`` of the prior weights, by ``sweep_configuration``, which they are done on; ``published``
     is the folder of the paper's numbers; ``clock`` tells seconds.
-    Files are given to experiments that take no times only.
+    Files are given to experiments that take no times only, and to each those that it reads.
     """
 
     simulation: SimulationSettings
@@ -34,9 +34,8 @@ class Material:
     clock: Callable[[], float]
     problems: Mapping[str, Path] = field(default_factory=dict)
     truths: Mapping[str, Path] = field(default_factory=dict)
-    traces: Mapping[str, Path] = field(default_factory=dict)
     covariances: Mapping[str, Path] = field(default_factory=dict)
-    sweep_trace: Path = Path()
+    sweep_trace: Mapping[str, Path] = field(default_factory=dict)
     published: Path = Path()
 
     def trials(self, name: str, count: int) -> list[Problem]:
@@ -63,13 +62,15 @@ class Trials:
 class Experiment:
     """``name`` of its table and of its part of config section 'reasons', read as ``settings``.
 
-    ``rows`` makes the table from the material and the settings; ``timed``: its numbers are seconds, and
+    ``rows`` makes the table from the material and the settings; ``reads`` names the files of the material
+    that it waits for, ``published`` aside; ``timed``: its numbers are seconds, and
     differ from run to run. The sentences that the ledger quotes stand in the same file, as functions.
     """
 
     name: str
     rows: Callable[[Material, Any], list[Row]]
     settings: type[Any] = NoSettings
+    reads: tuple[str, ...] = ()
     timed: bool = False
 
     @property

@@ -229,4 +229,4 @@ def rows(material: Material, settings: Settings) -> list[Row]:
     return out
 
 
-EXPERIMENT = Experiment("nees", rows, Settings)
+EXPERIMENT = Experiment("nees", rows, Settings, reads=("problems",))

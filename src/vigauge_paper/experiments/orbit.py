@@ -54,4 +54,4 @@ def rows(material: Material, settings: Settings) -> list[Row]:
     return out
 
 
-EXPERIMENT = Experiment("orbit", rows, Settings)
+EXPERIMENT = Experiment("orbit", rows, Settings, reads=("problems",))

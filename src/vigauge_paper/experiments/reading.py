@@ -36,7 +36,8 @@ def pulls(source: str, quantity: str, errors: pd.Series) -> list[Row]:
 def rows(material: Material, settings: NoSettings) -> list[Row]:
     """The paper's Fig. 6, and ours under both readings: medians over trials."""
     figure6 = pd.read_csv(material.published / "fig06_prior_error_paths.csv", dtype={"weight": str})
-    trace = pd.read_csv(material.sweep_trace, dtype={"weight": str}).query("iteration == 1")
+    sweep = pd.read_csv(material.sweep_trace[material.sweep_configuration], dtype={"weight": str})
+    trace = sweep.query("iteration == 1")
     out: list[Row] = []
     for panel, column in QUANTITIES.items():
         first = figure6[(figure6["panel"] == panel) & (figure6["step"] == 1)]
@@ -70,4 +71,4 @@ def sentence(e: Evidence) -> str:
     )
 
 
-EXPERIMENT = Experiment("reading", rows)
+EXPERIMENT = Experiment("reading", rows, reads=("sweep_trace",))

@@ -57,4 +57,4 @@ def sentence(e: Evidence) -> str:
     )
 
 
-EXPERIMENT = Experiment("tolerance", rows, Settings)
+EXPERIMENT = Experiment("tolerance", rows, Settings, reads=("problems", "truths"))

@@ -47,4 +47,4 @@ def sentence(e: Evidence) -> str:
     )
 
 
-EXPERIMENT = Experiment("weights", rows, Settings)
+EXPERIMENT = Experiment("weights", rows, Settings, reads=("problems", "truths"))

@@ -63,4 +63,4 @@ def rows(material: Material, settings: Trials) -> list[Row]:
     ]
 
 
-EXPERIMENT = Experiment("yaw", rows, Trials)
+EXPERIMENT = Experiment("yaw", rows, Trials, reads=("problems",))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -86,8 +85,3 @@ def add_published_names(arguments: argparse.ArgumentParser) -> None:
         default=[],
         help="NAME=the paper's name of a sequence",
     )
-
-
-def table_files(names: Sequence[str]) -> Callable[[argparse.Namespace], list[Path]]:
-    """NAME.csv of each table in the folder ``--output``, for the stage's stamp."""
-    return lambda options: [options.output / f"{name}.csv" for name in names]

@@ -19,6 +19,18 @@ def named(key: str, names: Iterable[str]) -> Callable[[Any, Any], list[str]]:
     return pairs
 
 
+def flags_of(read: Mapping[str, Iterable[str]]) -> Callable[[Any, Any], str]:
+    """Flags NAME=FILE of those kinds of result that a job has among its inputs."""
+
+    def flags(wildcards: Any, input: Any) -> str:
+        there = [kind for kind in read if hasattr(input, kind)]
+        return shlex.join(
+            word for kind in there for word in (f"--{kind}", *named(kind, read[kind])(wildcards, input))
+        )
+
+    return flags
+
+
 def of_sequence(about: Callable[[str], Any]) -> Callable[[Any], Any]:
     """What a method of the sequences says of the one that a job is for; an input as well."""
     return lambda wildcards: about(wildcards.sequence)

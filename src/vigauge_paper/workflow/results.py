@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vigauge_paper.experiments.registry import EXPERIMENTS, TIMED
+from vigauge_paper.experiments.registry import TIMED
 from vigauge_paper.ids import CONFIGURATIONS
 from vigauge_paper.run.provenance import digest_file
 
@@ -31,7 +31,7 @@ _PRODUCERS = {
     "timings": ("time_simulation", "time_sequences", "timing"),
     "machines": ("time_simulation", "time_sequences", "machine"),
     "sweep": ("prior_sweep", "prior_sweep", "sweep"),
-    "sweep_timing": ("prior_sweep", "prior_sweep", "timing"),
+    "sweep_timing": ("time_sweep", "time_sweep", "timing"),
     "sweep_trace": ("prior_sweep", "prior_sweep", "trace"),
 }
 
@@ -39,7 +39,7 @@ _PRODUCERS = {
 def producer(kind: str, name: str) -> tuple[str, str]:
     """Rule that makes a kind of result of an experiment, and the name that the result has there."""
     if kind == "reasons":
-        return ("reasons_time", "table") if name in TIMED else ("reasons", EXPERIMENTS[name].name)
+        return ("reasons_time" if name in TIMED else "reasons"), "table"
     simulated, sequence, output = _PRODUCERS[kind]
     return simulated if name in CONFIGURATIONS else sequence, output
 

@@ -11,6 +11,7 @@ import pandas as pd
 from support import simulated
 from vigauge.model.archive import save_problems
 from vigauge.solver.levenberg_marquardt import Options
+from vigauge_paper.commands import time_sweep
 from vigauge_paper.commands.time_solves import work
 from vigauge_paper.prior import RESIDUAL
 
@@ -48,3 +49,17 @@ def test_experiments_take_turns_and_the_speed_of_the_machine_is_recorded(tmp_pat
     speed = json.loads((tmp_path / "machine.json").read_text("utf-8"))["speed"]
     assert len(speed["reference_s"]) == 2 + 1  # before every repeat and at the end
     assert speed["drift"] == max(speed["reference_s"]) / min(speed["reference_s"]) - 1.0
+
+
+def test_weights_of_a_sweep_take_turns_under_both_readings(tmp_path: Path) -> None:
+    """Catches a weight that is always timed first, and a reading whose times are the other's."""
+    save_problems(tmp_path / "problems.npz", [simulated.trial(number) for number in range(2)])
+    solver, timing, weights = asdict(Options()), tmp_path / "timing.csv", ["0", "1e5"]
+    files = {"problems": tmp_path / "problems.npz", "timing": timing}
+    time_sweep.work(Namespace(**files, weights=weights, solver=solver, repeats=1))
+    table = pd.read_csv(timing, dtype={"weight": str})
+    turns = table.groupby(["reading", "trial"], sort=False)["weight"].agg(list)
+    assert list(turns) == 2 * [["0", "1e5", "free"], ["1e5", "free", "0"]]
+    counts = table.groupby(["reading", "weight"])["iterations"].sum()
+    assert counts["residual", "free"] == counts["information", "free"]
+    assert (table["seconds"] > 0).all()

@@ -206,7 +206,6 @@ def test_prior_weights_to_1e16_run_and_report_their_conditioning(tmp_path: Path)
         *("--weights", "0", "1", "1e5", "1e10", "1e14", "1e16"),
         *("--solver", json.dumps(asdict(Options()))),
         *("--sweep", tmp_path / "sweep.csv", "--trace", tmp_path / "trace.csv"),
-        *("--timing", tmp_path / "timing.csv"),
     )
     assert done.returncode == 0, done.stderr
     sweep = pd.read_csv(tmp_path / "sweep.csv", dtype={"weight": str}).set_index("weight")

@@ -19,7 +19,7 @@ from .conftest import make_project, snakemake
 pytestmark = pytest.mark.workflow
 
 OUT = "paper_figures"
-TIMED_RULES = {"time_simulation", "time_sequences", "prior_sweep", "reasons_time"}
+TIMED_RULES = {"time_simulation", "time_sequences", "time_sweep", "reasons_time"}
 SOLVING_ARC, SOLVING_HALL = (f"Solving {name} in three gauges" for name in ("arc_plane", "rendered_hall"))
 
 TABLES = {
@@ -187,6 +187,13 @@ def test_one_table_can_be_made_alone(smoke_project: Path) -> None:
     jobs = planned(done.stdout + done.stderr)
     assert {"simulate", SOLVING_ARC} <= jobs
     assert not jobs & {"render", "front_end", SOLVING_HALL, "prior_sweep", "time_simulation"}
+
+
+def test_an_explaining_experiment_waits_for_what_it_reads_only(smoke_project: Path) -> None:
+    """One that takes half a minute left to the end of the run, behind stages that it reads nothing from."""
+    for name, reads in (("nees", {"simulate"}), ("reading", {"simulate", "prior_sweep"})):
+        done = snakemake(smoke_project, "--dry-run", "--forceall", f"data/reasons/{name}.csv")
+        assert planned_rules(done.stdout + done.stderr) == {"reasons"} | reads
 
 
 def test_sensitivity_is_swept_only_when_asked_for(smoke_project: Path) -> None:
