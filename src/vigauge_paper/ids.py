@@ -1,7 +1,5 @@
 """Names that results carry, wherever they are written or read: here only, and looked up by name."""
 
-from __future__ import annotations
-
 # A row of a table, by column.
 Row = dict[str, object]
 

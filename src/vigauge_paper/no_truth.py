@@ -1,7 +1,5 @@
 """Sequences with known biases beside the same without any ground truth in the estimate."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

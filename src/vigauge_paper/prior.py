@@ -4,8 +4,6 @@ In the text of Section V-A the weight w^P is the information of the prior, 1 / s
 figures it multiplies the residual of Eq. (11), so that the information is its square: experiment ``reading``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from vigauge.gauge.gauges import FreeGauge, Gauge, PriorGauge, three_gauges

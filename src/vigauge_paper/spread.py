@@ -1,7 +1,5 @@
 """By how much results on a sequence move under harmless changes of the front-end."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pandas as pd

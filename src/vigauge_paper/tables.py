@@ -1,7 +1,5 @@
 """Tables I to III as rows, and any table as CSV, Markdown and LaTeX."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

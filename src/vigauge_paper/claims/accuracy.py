@@ -1,7 +1,5 @@
 """Claims on accuracy in simulation: Section V-B, Table II."""
 
-from __future__ import annotations
-
 from ..experiments.evidence import Evidence
 from ..experiments.tolerance import at_the_minimum, largest_difference
 from ..experiments.tolerance import sentence as stopping

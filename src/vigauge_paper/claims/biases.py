@@ -1,7 +1,5 @@
 """Which claims still hold with biases in the state: those of the ledger, judged on experiment 'biases'."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 

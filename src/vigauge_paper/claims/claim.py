@@ -1,7 +1,5 @@
 """A claim of the paper, and what several claims share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum

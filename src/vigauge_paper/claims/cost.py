@@ -1,7 +1,5 @@
 """Claims on iterations and times in simulation: Section V-B, Fig. 7."""
 
-from __future__ import annotations
-
 from ..experiments import damping, iteration_time
 from ..experiments.evidence import Evidence, NoEvidenceError
 from ..experiments.statistics import Interval

@@ -1,7 +1,5 @@
 """Claims on covariances: Section VI, Figs. 1, 9, 10."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vigauge.geometry.so3 import Array

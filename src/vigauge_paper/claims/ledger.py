@@ -1,7 +1,5 @@
 """The ledger: all claims, judged from the evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Container
 
 from ..experiments.evidence import Evidence, NoEvidenceError

@@ -1,7 +1,5 @@
 """Claims on the prior weight: Section V-A, Figs. 4 to 6."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """Over which part of a range of our assumptions a claim holds: claims on simulated solutions only."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Claims on EuRoC: Section VII, Fig. 11, Table III."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable
 

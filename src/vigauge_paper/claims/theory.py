@@ -1,7 +1,5 @@
 """Claims of Sections II and III: orbit, rank, sizes, updates."""
 
-from __future__ import annotations
-
 from ..experiments.evidence import Evidence
 from ..ids import GAUGES
 from .claim import Claim, Finding, verdict

@@ -1,7 +1,5 @@
 """Which claims hold with biases in the state: a sentence each, the errors behind them, and a figure."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Exit status 0 where all do, 1 where some differ, 2 where a file or a column is missing or another.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Judge the paper's claims from the result files, and say why."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Set every published number beside ours, with the range of ours and the ratio."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

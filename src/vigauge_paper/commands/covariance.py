@@ -8,8 +8,6 @@ Where the problem is degenerate, or a run did not converge, there is no covarian
 then has the reason under ``withheld`` (otherwise empty), and the spectrum, but no matrices.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 

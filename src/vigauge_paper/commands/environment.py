@@ -3,8 +3,6 @@
 Machine and versions are those that the timed solves recorded, not those of this command.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

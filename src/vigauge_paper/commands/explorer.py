@@ -1,7 +1,5 @@
 """Take an estimate's inverse and null space out of a result, for the gauge explorer of index.html."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge.files import write_json

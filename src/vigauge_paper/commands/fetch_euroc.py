@@ -3,8 +3,6 @@
 The dataset belongs to the Autonomous Systems Lab, ETH Zurich: read the terms of the host.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

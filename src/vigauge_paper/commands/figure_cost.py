@@ -1,7 +1,5 @@
 """Draw Figure 7 or 11: time, iterations and time per iteration of the three gauges."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge_paper.figures.cost import draw_cost

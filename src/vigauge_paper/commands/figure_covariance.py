@@ -1,7 +1,5 @@
 """Draw Figure 9 or 10 (covariance matrices) or Figure 1 (ellipses) from an archive of covariances."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Draw errors of the keyframes against their predicted sigmas."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge_paper.figures.errors import draw_errors

@@ -1,7 +1,5 @@
 """Draw the mean NEES of every configuration and gauge, and of what is broken on purpose."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge_paper.figures.nees import draw_nees

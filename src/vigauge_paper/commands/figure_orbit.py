@@ -1,7 +1,5 @@
 """Compute and draw Figures 2 and 8 on one simulated problem: optimisation paths, and Eq. (12)."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge.gauge.gauges import three_gauges

@@ -1,7 +1,5 @@
 """Draw Figures 4, 5 and 6: accuracy, cost and paths against the prior weight."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge_paper.figures.prior import draw_accuracy, draw_cost, draw_paths, read_sweep

@@ -1,7 +1,5 @@
 """Draw what a prior's weight multiplies, in the paper's figures and in ours."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge_paper.figures.reading import draw_reading

@@ -1,7 +1,5 @@
 """Draw Figure 3: simulated scenes."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge_paper.figures.scenes import draw_scenes

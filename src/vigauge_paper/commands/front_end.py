@@ -4,8 +4,6 @@ Ground truth gives the known biases; the truth that is written serves evaluation
 steps that the accelerometer rules out, then as published.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write the page that a reader opens first."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 import json

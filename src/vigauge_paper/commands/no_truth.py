@@ -1,7 +1,5 @@
 """Table III with nothing of a ground truth in the estimate: biases in the state, begun by alignment."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge.errors import DataError

@@ -1,7 +1,5 @@
 """Put the paper-versus-ours table that the pipeline made into a page of the docs."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge.errors import DataError

@@ -3,8 +3,6 @@
 Every weight is used as a factor of the residual and as information; the free gauge stands beside both.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge.cli.command import LOG

@@ -1,7 +1,5 @@
 """Run an experiment that explains the results and takes no times: two runs give the same bytes."""
 
-from __future__ import annotations
-
 import argparse
 import time
 

@@ -1,7 +1,5 @@
 """Run an explaining experiment whose numbers are seconds."""
 
-from __future__ import annotations
-
 import argparse
 import time
 

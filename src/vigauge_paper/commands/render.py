@@ -1,7 +1,5 @@
 """Render a stand-in for an image sequence, as an ASL folder. It is not EuRoC and says so."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterable
 from pathlib import Path

@@ -4,8 +4,6 @@ Arguments are those of Snakemake. A folder in which a run is going on is left al
 queue of Slurm; so is one whose run was started on another machine, which cannot be seen from here.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

@@ -1,7 +1,5 @@
 """Simulate and solve all configurations with one assumption changed, without taking times."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge.cli.command import LOG

@@ -1,7 +1,5 @@
 """Judge the claims at every setting of the sensitivity sweep."""
 
-from __future__ import annotations
-
 import argparse
 
 import pandas as pd

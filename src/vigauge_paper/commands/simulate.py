@@ -3,8 +3,6 @@
 Section IV-A and V-B of the paper.
 """
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Solve an experiment in the three gauges, and with the prior as printed."""
 
-from __future__ import annotations
-
 import argparse
 import math
 

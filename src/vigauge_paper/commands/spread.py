@@ -1,7 +1,5 @@
 """Median and range of the results over harmless changes of the front-end."""
 
-from __future__ import annotations
-
 import argparse
 
 import pandas as pd

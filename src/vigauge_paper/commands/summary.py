@@ -1,7 +1,5 @@
 """Write the paper-versus-ours table of docs/paper.md from the finished artefacts."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Mapping

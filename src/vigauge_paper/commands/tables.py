@@ -1,7 +1,5 @@
 """Write Table I, II or III as CSV, Markdown and LaTeX."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -5,8 +5,6 @@ of experiments. Fixation is timed twice, which shows how small an effect the tim
 one thread: more are slower at these sizes, and times would not compare.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Put the windows of all recordings into one table, and start beside optimum into another."""
 
-from __future__ import annotations
-
 import argparse
 
 from vigauge.cli.command import LOG

@@ -1,7 +1,5 @@
 """Expected numbers of the artefacts, with the tolerance of each: does another build match?"""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Simulation repeats to six digits on any machine. Sequences do not: an inlier dec
 turn on a last digit, so their numbers get a spread. Times are compared as ratios between gauges only.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One published number beside ours, with the range of ours over trials or repeats as the yardstick."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 

@@ -1,7 +1,5 @@
 """Every published number of Tables II and III and of Figures 1, 4 to 7 and 9 to 11 beside ours."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Standard deviations of keyframes, as Figs. 9 and 10 have them on the diagonal."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

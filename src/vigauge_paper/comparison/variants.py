@@ -1,7 +1,5 @@
 """What single changes of our assumptions do to Table II, and why none of them is chosen afterwards."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

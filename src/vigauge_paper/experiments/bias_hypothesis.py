@@ -5,8 +5,6 @@ trajectory, fitted to the six RMSE of its two configurations, bring Table II nea
 as numbers that they explain: the table shows that so small a bias suffices, not that it was there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

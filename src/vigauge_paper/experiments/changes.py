@@ -1,7 +1,5 @@
 """One assumption changed: a number of the simulation's or the solver's settings."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from typing import Any
 

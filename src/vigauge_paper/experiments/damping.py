@@ -1,7 +1,5 @@
 """Less damping: fewer iterations of the free gauge come from it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from vigauge.gauge.gauges import three_gauges

@@ -4,8 +4,6 @@ In both published matrices the variance that belongs at (3N+1, 3N+1), the first 
 rotation about y, stands at (3N+1, 3N), and its own entry is zero.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An experiment that explains results: what it starts from, its settings and its table."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

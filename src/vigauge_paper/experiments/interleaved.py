@@ -4,8 +4,6 @@ Where times are taken, gauges are interleaved and their order turns from trial t
 moment of the machine falls on all of them alike and times can be compared in pairs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

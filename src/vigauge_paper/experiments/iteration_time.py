@@ -4,8 +4,6 @@ Under fixation the reduced system has 9N - 4 rows instead of 9N. That is all it 
 Jacobians and the elimination of the landmarks are the same in all gauges.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ landmarks as well, so where the motion stands among them is four numbers more. W
 leaves the band, and its mended twin does not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """The cost on an orbit, Eq. (3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

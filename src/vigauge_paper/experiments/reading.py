@@ -5,8 +5,6 @@ information W of the prior, a share r = s / (s + W) is left of the free gauge's 
 Over the weights w its slope on logarithmic axes is 1 if W = w, and 2 if W = w^2, whatever the scene is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """The experiments that explain results, in the order in which they run."""
 
-from __future__ import annotations
-
 from . import (
     bias_hypothesis,
     biases,

@@ -1,7 +1,5 @@
 """Solves that experiments share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import numpy as np

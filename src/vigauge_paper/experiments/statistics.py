@@ -1,7 +1,5 @@
 """Paired statistics over trials: bootstrap intervals, effect size, equivalence."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 

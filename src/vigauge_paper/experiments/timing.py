@@ -1,7 +1,5 @@
 """Times of solves compared in pairs: the same trial under two gauges or weights, each at its quickest."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Runs to the very minimum: differences of RMSE come from where each run stops."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Extremely large prior weights (Section V-A)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from vigauge.gauge.gauges import FixedGauge, Gauge, PriorGauge

@@ -3,8 +3,6 @@
 What cannot be used is a row that says where it stopped and why, in the words of the error.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Mapping, Sequence

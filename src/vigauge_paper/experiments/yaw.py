@@ -1,7 +1,5 @@
 """What holding the yaw takes (Section III-A): iterated updates (8) against the total increment of (9)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

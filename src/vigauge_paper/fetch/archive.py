@@ -1,7 +1,5 @@
 """Zip archives from outside: a zip inside a bundle, and a sequence unpacked safely."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import shutil

@@ -1,7 +1,5 @@
 """Fetch a sequence from the first source that gives it; it appears only when it is whole and checked."""
 
-from __future__ import annotations
-
 import logging
 import shutil
 import tempfile

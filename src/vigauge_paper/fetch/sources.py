@@ -6,8 +6,6 @@ address may end in ``#path/inside.zip``: the sequence's zip is then that member 
 the bundle. Both columns may be empty where nobody has published the values.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from dataclasses import dataclass

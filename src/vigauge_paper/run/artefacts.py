@@ -1,7 +1,5 @@
 """What commands share: lists of named files, sections of the configuration, the published numbers."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

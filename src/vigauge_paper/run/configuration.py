@@ -1,7 +1,5 @@
 """The configuration against its JSON schema: what is wrong is one sentence that names the key."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable, Mapping, MutableMapping

@@ -1,7 +1,5 @@
 """What a result was computed on: versions, processor, threads."""
 
-from __future__ import annotations
-
 import os
 import platform
 from collections.abc import Callable

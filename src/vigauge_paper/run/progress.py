@@ -1,7 +1,5 @@
 """How far long work has got: a bar on a terminal, lines elsewhere."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator
 from typing import TypeVar

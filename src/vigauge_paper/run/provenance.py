@@ -5,8 +5,6 @@ the configuration that both depend on, if those of one stage come from the same 
 packages, and if each was made from the inputs that are there.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

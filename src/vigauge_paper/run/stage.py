@@ -1,7 +1,5 @@
 """What every stage of the pipeline does around its work: arguments, log file, exit status."""
 
-from __future__ import annotations
-
 import argparse
 import inspect
 import json

@@ -1,7 +1,5 @@
 """A rendered sequence as an ASL folder, EuRoC's layout, so that the same reader takes both."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

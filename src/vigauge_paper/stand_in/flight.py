@@ -4,8 +4,6 @@ The body frame is that of EuRoC's sensor: x up, y right, z forward, in the direc
 cameras look. World: z up.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

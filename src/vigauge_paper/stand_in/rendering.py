@@ -5,8 +5,6 @@ a texture look-up: distortion is exact, and so is the truth behind each pixel
 (:func:`~vigauge_paper.stand_in.scene.point_at_pixel`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ The scene is one room seen from inside with boxes standing or hanging in it. Eve
 is a rectangle, so a ray-cast is a few divisions and the truth is exact.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ blob detectors find features at every distance. Averaged copies at half, quarter
 resolution serve distant and slanted surfaces without aliasing.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
