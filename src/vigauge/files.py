@@ -119,3 +119,9 @@ def write_rows(target: str | os.PathLike[str], rows: Sequence[Mapping[str, objec
         writer = csv.DictWriter(stream, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+
+
+def read_rows(source: str | os.PathLike[str]) -> list[dict[str, str]]:
+    """The rows of a CSV file that :func:`write_rows` wrote, as text by column."""
+    with Path(source).open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))

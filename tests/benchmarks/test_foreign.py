@@ -1,6 +1,5 @@
 """The race on other solvers' matrices, at sizes of a second."""
 
-import csv
 import json
 
 import pytest
@@ -11,6 +10,7 @@ pytest.importorskip("pycolmap")
 
 from benchmarks.foreign import main
 from benchmarks.foreign_rows import Sizes
+from vigauge.files import read_rows
 
 COLUMNS = ["case", "what", "ours_s", "peer", "peer_s", "ratio", "relative_difference", "note"]
 
@@ -18,8 +18,7 @@ COLUMNS = ["case", "what", "ours_s", "peer", "peer_s", "ratio", "relative_differ
 def test_every_row_agrees_with_its_peer(tmp_path) -> None:
     """Catches a peer asked something else: a prior left in, an order of columns, another gauge."""
     main(tmp_path, Sizes(60, 20, 5, 40, 200, 20, 6, 1000))
-    with (tmp_path / "foreign.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = read_rows(tmp_path / "foreign.csv")
     assert list(rows[0]) == COLUMNS
     peers = {row["peer"] for row in rows}
     assert peers >= {"GTSAM Marginals", "Ceres SPARSE_QR", "GTSAM jointMarginalCovariance", "dense SVD of J"}

@@ -1,6 +1,5 @@
 """A short run of the fuzzing harness; ``make fuzz`` is the long one, ``docs/fuzzing.csv`` its record."""
 
-import csv
 import time
 from collections.abc import Iterator
 
@@ -9,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from support import ROOT
+from vigauge.files import read_rows
 
 from .readers import Reader, all_readers, outcome
 from .run import LONGEST_S
@@ -62,8 +62,7 @@ def test_spoilt_file_is_accepted_or_refused(readers: dict[str, Reader], name: st
 
 def test_record_of_the_long_run_shows_no_crash() -> None:
     """Catches a record of a reader that is gone, of too few inputs, or one that hides a failure."""
-    with (ROOT / "docs" / "fuzzing.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = read_rows(ROOT / "docs" / "fuzzing.csv")
     assert {row["reader"] for row in rows} == set(NAMES)
     for row in rows:
         assert int(row["inputs"]) >= 100_000, row

@@ -1,6 +1,5 @@
 """Trajectories in the columns of ROS and OpenVINS: sides, orders, and broken files refused."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import vigauge as vg
+from vigauge.files import read_rows
 from vigauge.geometry.so3 import hat
 
 TIMES = 1_403_636_580_838_555_648 + 50_000_001 * np.arange(4)
@@ -41,8 +41,7 @@ def test_ros_has_turns_about_fixed_axes(tmp_path: Path, trajectory: vg.Trajector
     """Catches increments in the body, or an order of the 36 numbers, that ROS does not have."""
     path = tmp_path / "poses.csv"
     vg.save_trajectory(path, trajectory, format="ros")
-    with path.open(newline="") as stream:
-        row = list(csv.DictReader(stream))[2]
+    row = read_rows(path)[2]
     assert (row["field.header.stamp"], row["field.header.frame_id"]) == (str(TIMES[2]), "map")
     assert float(row["field.pose.pose.position.y"]) == trajectory.p_W[2, 1]
     written = np.reshape([float(row[f"field.pose.covariance{k}"]) for k in range(36)], (6, 6))

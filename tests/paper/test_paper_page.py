@@ -1,6 +1,5 @@
 """The page of the paper, its generated part, and what README.md says of it."""
 
-import csv
 import re
 from collections import Counter
 
@@ -8,6 +7,7 @@ import pytest
 
 from support import ROOT
 from vigauge.errors import DataError
+from vigauge.files import read_rows
 from vigauge_paper.claims import CLAIMS
 from vigauge_paper.commands.paper_page import BEGIN, END, insert
 
@@ -22,8 +22,7 @@ def test_page_has_every_claim_with_the_expected_verdict() -> None:
     """Catches a page that was typed by hand, or that a renewed expected value or a new claim left behind."""
     assert ROWS[0][:2] == ["case", "gauge"]
     assert list(VERDICTS) == [claim.claim for claim in CLAIMS]
-    with (ROOT / "data" / "expected.csv").open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["artefact"] == "claims"]
+    rows = [row for row in read_rows(ROOT / "data" / "expected.csv") if row["artefact"] == "claims"]
     expected = {r["row"]: r["value"] for r in rows if (r["source"], r["quantity"]) == ("euroc", "verdict")}
     shown = {claim.id: VERDICTS[claim.claim] for claim in CLAIMS}
     assert expected == {name: shown[name] for name in expected}

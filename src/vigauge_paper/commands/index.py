@@ -1,20 +1,14 @@
 """Write the page that a reader opens first."""
 
 import argparse
-import csv
 import json
 from pathlib import Path
 
-from vigauge.files import write_text
+from vigauge.files import read_rows, write_text
 from vigauge_paper.page.index import Material, index_page
 from vigauge_paper.run.artefacts import FILE, named_file
 from vigauge_paper.run.provenance import made_with
 from vigauge_paper.run.stage import parser, run
-
-
-def _rows(file: Path) -> list[dict[str, str]]:
-    with file.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def work(options: argparse.Namespace) -> None:
@@ -22,8 +16,8 @@ def work(options: argparse.Namespace) -> None:
     if options.spread and made_with(options.stamps, options.spread_stamp, "spread"):
         extensions["Harmless changes of the front-end"] = options.spread.with_suffix(".md")
     material = Material(
-        rows=_rows(options.claims),
-        why={row["id"]: row["why"] for row in _rows(options.why)},
+        rows=read_rows(options.claims),
+        why={row["id"]: row["why"] for row in read_rows(options.why)},
         claims=options.claims.with_suffix(".md").read_text(encoding="utf-8"),
         figures=dict(options.figures),
         evidence=dict(options.evidence),

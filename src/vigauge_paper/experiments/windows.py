@@ -3,12 +3,13 @@
 What cannot be used is a row that says where it stopped and why, in the words of the error.
 """
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+
+from vigauge.files import read_rows
 
 from ..ids import GAUGES, Row
 
@@ -43,19 +44,14 @@ def window_rows(data: Path, window: str, settings: Mapping[str, object]) -> list
     solved: list[dict[str, str]] = [{}]
     if "stopped_at" not in report:
         solutions = [
-            row for row in _read(data / "solutions" / window / "solutions.csv") if row["gauge"] in GAUGES
+            row for row in read_rows(data / "solutions" / window / "solutions.csv") if row["gauge"] in GAUGES
         ]
-        covariances = {row["noise"]: row for row in _read(data / "covariance" / f"{window}.csv")}
+        covariances = {row["noise"]: row for row in read_rows(data / "covariance" / f"{window}.csv")}
         solved = [
             row | _covariance(covariances[row["noise"]], [s for s in solutions if s["noise"] == row["noise"]])
             for row in sorted(solutions, key=lambda row: row["noise"])
         ]
     return [{name: str((about | row).get(name, "")) for name in _COLUMNS} for row in solved]
-
-
-def _read(file: Path) -> list[dict[str, str]]:
-    with file.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def _covariance(found: Mapping[str, str], solved: Sequence[Mapping[str, str]]) -> dict[str, str]:

@@ -4,7 +4,6 @@
 the command does here.
 """
 
-import csv
 import json
 import os
 import re
@@ -19,6 +18,7 @@ import pytest
 
 from support import ROOT
 from vigauge import FreeGauge, load_problems, motion_covariance, solve
+from vigauge.files import read_rows
 from vigauge_paper.commands import front_end
 
 SETTINGS = {"tracker": "optical_flow", "keyframes": {"count": 7}}
@@ -116,8 +116,7 @@ def run(folder: Path, out: Path, *flags: str) -> int:
 
 
 def table() -> list[dict[str, str]]:
-    with (ROOT / "docs" / "faults.csv").open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
+    return read_rows(ROOT / "docs" / "faults.csv")
 
 
 @pytest.mark.parametrize("fault", SPOILT)
