@@ -10,8 +10,8 @@ FOLDERS = ("data", "paper_figures")
 
 # Files and folders that hold nothing but times, and drawings of times; the page has those inside.
 TIMES_ONLY = ("timing.csv", "timing", "iteration_time.csv", "index.html")
-DRAWN_TIMES = ("fig05_", "fig07_", "fig11_")
-# Lines of the comparison: a time, or how many numbers of such a figure lie inside our range.
+DRAWN_TIMES = ("fig05_", "fig07_", "fig11_", "biases.p")
+# Lines of pages: a time, or how many numbers of such a figure lie inside our range.
 _TIMED = re.compile(r"time|^\| fig(05|07|11) \| \d+ \|")
 
 
@@ -41,17 +41,19 @@ def _reader(name: Path, timed: set[str]) -> Callable[[Path], object] | None:
         return lambda path: _without(path, "timings")
     if name.name in TIMES_ONLY or name.parent.name in TIMES_ONLY:
         return None
+    if name.parent.name == "timing_reasons":
+        return lambda path: [{**row, "seconds": ""} for row in _rows(path)]
     if name.name == "source.json":
         return lambda path: json.loads(path.read_text("utf-8"))  # in the order in which jobs were planned
     if name.name == "environment.json":
         return lambda path: _without(path, "speed")
     if name.name.startswith(DRAWN_TIMES):
         return _iterations if name.suffix == ".csv" else None
-    if name.name in ("claims.csv", "claims_why.csv"):
+    if name.name in ("claims.csv", "claims_why.csv", "biases.csv"):
         return lambda path: [row for row in _rows(path) if row["id"] not in timed]
     if name.name == "comparison.csv":
         return _iterations
-    if name.name == "comparison.md":
+    if name.name in ("comparison.md", "biases.md"):
         return lambda path: [line for line in path.read_text("utf-8").splitlines() if not _TIMED.search(line)]
     if name.name in ("claims.md", "summary.md"):
         return lambda path: [line for line in path.read_text("utf-8").splitlines() if not _of(timed, line)]

@@ -26,7 +26,6 @@ for artefact in ARTEFACTS:
             aside=[where_made(flag, table) for flag, table in artefact.aside.items()],
             aside_digest=[digest_where_made(table) for table in artefact.aside.values()],
             outputs=artefact.outputs_line,
-            published=artefact.published,
         message:
             artefact.title
         shell:

@@ -48,11 +48,14 @@ def test_the_comparison_sees_differences(smoke_project: Path, scratch_project: P
     iterations = scratch_project / "paper_figures" / "fig07_simulation_cost.csv"
     text = iterations.read_text("utf-8")
     iterations.write_text(re.sub(r"(,iterations,)\d", r"\g<1>9", text, count=1), "utf-8")
+    runs = scratch_project / "data" / "timing_reasons" / "biases.csv"
+    runs.write_text(runs.read_text("utf-8").replace("tolerance", "limit", 1), "utf-8")
     (scratch_project / "data" / "covariance" / "arc_plane.npz").unlink()
     (scratch_project / "data" / ".half.123.csv").write_text("half", "utf-8")
     assert differences(smoke_project, scratch_project) == [
         "data/.half.123.csv is in one run only",
         "data/covariance/arc_plane.npz is in one run only",
+        "data/timing_reasons/biases.csv differs",
         "paper_figures/fig07_simulation_cost.csv differs",
         "paper_figures/table2.csv differs",
     ]
