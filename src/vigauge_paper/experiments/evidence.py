@@ -81,6 +81,14 @@ class Evidence:
             name: table[(table["noise"] == HEADLINE) & table["converged"]] for name, table in tables.items()
         }
 
+    @cached_property
+    def timed(self) -> dict[str, pd.DataFrame]:
+        """Times of each experiment, of the runs in :attr:`converged`."""
+        return {
+            name: timing_of(self._of_reading(read_timing(file, name)), self.converged[name])
+            for name, file in self.timings.items()
+        }
+
     def paired(self, name: str, column: str, gauge: str, reference: str) -> np.ndarray:
         """gauge minus reference, trial by trial, where both converged."""
         good = self.converged[name]
@@ -119,8 +127,7 @@ class Evidence:
         """
         groups = []
         for name in names:
-            good = self.converged[name]
-            timing = timing_of(self._of_reading(read_timing(self.timings[name], name)), good)
+            timing = self.timed[name]
             timing = timing[timing["gauge"].isin((gauge, reference, *[FIX_AGAIN] * (reference == FIX)))]
             table = paired_ratios(timing, "gauge", reference, each=each)
             if gauge not in table or not len(table):
