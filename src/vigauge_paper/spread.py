@@ -20,7 +20,8 @@ def spread_rows(sequence: str, solutions: Sequence[pd.DataFrame]) -> list[Row]:
     """A row a gauge and quantity: median, least and greatest over the changed forms of a sequence.
 
     ``solutions`` as solve writes them, one a form. ``gauge_difference`` is the greatest
-    |ratio to fixation - 1| within one form. Runs that did not converge are not among the ``runs``.
+    |ratio to fixation - 1| within one form, and ``below_fixation`` counts the forms in which the gauge has
+    less. Runs that did not converge are not among the ``runs``.
     """
     table = pd.concat(list(solutions), keys=range(len(solutions)), names=["form", None]).reset_index("form")
     table = table[(table["noise"] == HEADLINE) & table["converged"]]
@@ -40,6 +41,7 @@ def spread_rows(sequence: str, solutions: Sequence[pd.DataFrame]) -> list[Row]:
                     "least": float(values.min()),
                     "greatest": float(values.max()),
                     "gauge_difference": float((values / fixed[quantity] - 1.0).abs().max()),
+                    "below_fixation": int((values < fixed[quantity].reindex(values.index)).sum()),
                 }
             )
     return rows
@@ -54,6 +56,7 @@ def spread_sentence(table: pd.DataFrame) -> str:
             f"{name} {_range(mine.loc[(FIX, q)], scale)} {unit}" for q, (name, scale, unit) in _SHOWN.items()
         ]
         counts = [f"{gauge} iterations {_range(mine.loc[(gauge, 'iterations')])}" for gauge in (FIX, FREE)]
+        counts.append(f"fewer under free in {mine.loc[(FREE, 'iterations'), 'below_fixation']} runs")
         parts.append(f"{sequence} ({int(mine['runs'].min())} runs): {', '.join([*shown, *counts])}")
     optimum = table[table["quantity"].isin(ERRORS) & (table["gauge"] == FREE)]
     gauge = optimum["gauge_difference"].max()

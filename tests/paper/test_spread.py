@@ -31,6 +31,7 @@ def test_median_and_range_are_over_the_forms_of_the_headline_noise() -> None:
     assert [free[key] for key in ("least", "median", "greatest")] == pytest.approx([0.01, 0.02, 0.0303])
     assert free["gauge_difference"] == pytest.approx(0.01)
     assert rows["prior", "p_rmse_m"]["gauge_difference"] == 0.0
+    assert rows["prior", "p_rmse_m"]["below_fixation"] == 0
     assert rows["fix", "start_v_rmse_mps"]["greatest"] == pytest.approx(0.06)
 
 
@@ -40,6 +41,7 @@ def test_the_note_says_whether_gauges_differ_by_less_than_changes(free: float, w
     text = spread_sentence(pd.DataFrame(spread_rows("hall", [form(1.0, free), form(1.2), form(1.1)])))
     assert words in text
     assert "p 11 (10 to 12) mm" in text and "fix iterations 6 (6 to 6)" in text
+    assert "fewer under free in 3 runs" in text
 
 
 def test_the_page_shows_two_digits_by_sequence_and_gauge() -> None:
