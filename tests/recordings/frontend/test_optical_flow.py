@@ -1,5 +1,7 @@
 """Corners and optical flow on images whose motion is known."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -63,6 +65,33 @@ def test_corners_follow_a_known_shift_to_a_tenth_of_a_pixel() -> None:
     np.testing.assert_allclose(np.median(moved, axis=0), [-18.0, -12.0], atol=0.02)
     assert np.mean(np.linalg.norm(moved - [-18.0, -12.0], axis=1) < 0.1) > 0.97
     assert counts.lost["image border"] > 0
+
+
+def rolled(step: int) -> np.ndarray:
+    """What a camera sees of the texture that rolls by a degree a step about the middle of the image."""
+    A = cv2.getRotationMatrix2D((526.0, 340.0), 1.0 * step, 1.0)
+    A[:, 2] -= [150.0, 100.0]
+    return cv2.warpAffine(WIDE, A, SIZE, flags=cv2.INTER_LINEAR)
+
+
+@pytest.mark.parametrize(("patch", "low", "high"), [("shifted", 0.2, 2.0), ("affine", 0.0, 0.1)])
+def test_points_of_a_rolling_camera_do_not_walk_in_affine_patches(
+    patch: str, low: float, high: float
+) -> None:
+    """A patch that is only shifted finds the middle of its texture; over keyframes the point walks away."""
+    flow, R_BC = replace(FLOW, patch=patch), GEOMETRY.left.R_BC
+    dR_B = R_BC @ so3.exp(np.array([0.0, 0.0, np.radians(1.0)])) @ R_BC.T
+    one = StereoGeometry.of(euroc_cameras()[:1])
+    frames = np.array([0, 4, 8, 12])
+    tracks, _ = track_by_flow(
+        lambda frame, _: rolled(frame), range(13), frames, np.tile(dR_B, (12, 1, 1)), one, flow, STEREO
+    )
+    (_, first, uv_0), (_, last, uv) = tracks.seen_at(0, LEFT), tracks.seen_at(3, LEFT)
+    _, here, there = np.intersect1d(first, last, return_indices=True)
+    before, after = (distort_pixels(GEOMETRY.left, x) for x in (uv_0[here], uv[there]))
+    A = cv2.getRotationMatrix2D((376.0, 240.0), 12.0, 1.0)
+    error = np.linalg.norm(after - before @ A[:, :2].T - A[:, 2], axis=1)
+    assert len(error) > 60 and low < np.median(error) < high
 
 
 def test_stereo_matches_of_a_plane_have_its_depth() -> None:

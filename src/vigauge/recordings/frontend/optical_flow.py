@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...geometry.camera import Camera, distort_pixels, in_field, undistort_pixels
 from ...geometry.so3 import Array
 from .frames import require_change
+from .patch_alignment import align_patches
 from .settings import FlowSettings, StereoSettings
 from .stereo import Image, StereoGeometry, raw_pixels, search_disparity
 from .tracks import LEFT, RIGHT, TrackingCounts, Tracks, concatenate, image_observations
@@ -96,7 +97,10 @@ class FlowTracker:
         self.image = left
 
     def _follow(self, first: Image, second: Image, points: Array, guess: Array) -> None:
-        there, good = _flow(first, second, points, guess, self.flow)
+        self._move(*_flow(first, second, points, guess, self.flow))
+
+    def _move(self, there: Array, good: NDArray[np.bool_]) -> None:
+        """Points go to ``there``; those that are not good, or leave the field, are lost."""
         inside = _inside(there, self.geometry.left, self.flow.border_px)
         seen = in_field(self.geometry.left, there)
         self.counts.lose("optical flow", ~good)
@@ -129,7 +133,10 @@ class FlowTracker:
         in_order = np.argsort(here)
         here, there = here[in_order], there[in_order]
         assert len(here) == len(self.track), "every point was at the last keyframe"
-        self._follow(image, self.image, points[there], self.points)
+        if self.flow.patch == "affine":
+            self._move(*align_patches(image, self.image, points[there], self.points, self.flow.window_px | 1))
+        else:
+            self._follow(image, self.image, points[there], self.points)
 
     def _add_corners(self) -> None:
         """Fill up with corners away from the points that are there."""

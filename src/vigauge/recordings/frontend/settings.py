@@ -69,6 +69,11 @@ class FlowSettings:
     levels: int = _count("levels", "pyramid levels above the image", 0, 8, 3)
     forward_backward_px: float = _real("px", "largest forward-backward error", 0.01, 10.0, 0.5)
     border_px: int = _count("px", "width of the rim of the image that is left out", 0, 100, 8)
+    patch: str = _choice(
+        "how a patch may change from keyframe to keyframe: shifted, or affine, by which points walk less",
+        ("shifted", "affine"),
+        "shifted",
+    )
 
 
 @dataclass(frozen=True)
