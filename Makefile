@@ -33,7 +33,7 @@ help:
 	@echo "make bench          race vigauge against its peers (SIZES=$(SIZES)): benchmarks/README.md"
 	@echo "make bench-paper    run the whole workflow anew and print where the time goes"
 	@echo "make recovery       kill the workflow at random moments, start it again, compare (docs/recovery.csv)"
-	@echo "make fuzz           feed every reader $(INPUTS) malformed files (docs/fuzzing.csv)"
+	@echo "make fuzz           feed every reader up to $(INPUTS) malformed files in ten minutes (docs/fuzzing.csv)"
 	@echo "make lint           check format, lint, types and rule files; changes nothing"
 	@echo "make format         rewrite Python and rule files in the project's format"
 	@echo "make setup          install .venv from requirements.lock; most targets do this first"
@@ -87,7 +87,7 @@ test-slurm: $(SET_UP)
 	$(RUN) tests/slurm/run.sh docs/slurm.csv
 
 fuzz: $(SET_UP)
-	PYTHONPATH=tests $(BIN)/python -m fuzz.run --inputs $(INPUTS) --record docs/fuzzing.csv
+	PYTHONPATH=.:tests $(BIN)/python -m fuzz.run --inputs $(INPUTS) --record docs/fuzzing.csv
 
 # Wants an otherwise idle machine. Installs nothing: without g++ and libceres-dev it says so and goes on.
 # Memory that a solver gives back stays in its process, for all of them alike: pages asked for anew cost

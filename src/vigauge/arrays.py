@@ -1,16 +1,16 @@
 """The one gate for numbers from outside: what passes is float64 or int64, and of the shape asked for.
 
 Lists, ``np.matrix`` and other array-likes are converted. Complex, bool and object entries, masked
-arrays, NaN, infinity and other shapes are refused. Measurements may come as 32-bit floats: the number
-is taken as it stands, good to 6e-8 of itself. A matrix that is inverted or projected may not, as its
-weakest information lies below that. A sparse matrix is served where a dense one of its size is the
-answer, and refused elsewhere.
+arrays, NaN, infinity, numbers whose products overflow and other shapes are refused. Measurements may come
+as 32-bit floats: the number is taken as it stands, good to 6e-8 of itself. A matrix that is inverted or
+projected may not, as its weakest information lies below that. A sparse matrix is served where a dense one
+of its size is the answer, and refused elsewhere.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,10 @@ from numpy.typing import NDArray
 from .errors import DataError
 
 Array = NDArray[np.floating[Any]]
+T = TypeVar("T")
 
+# No quantity is as large; products of three such numbers are still finite.
+LARGEST = 1e100
 # Largest difference of two entries that ought to be equal, next to the root of their diagonal entries.
 _ASYMMETRY = 1e-8
 # Diagonal entries below this share of the largest are zero to rounding (rows that a gauge holds).
@@ -44,9 +47,11 @@ def reals(
             raise DataError(what, "must hold real numbers", field=field, value=str(array.dtype))
         array = array.astype(np.float64)
     _require_shape(what, array, shape, field)
-    if not np.isfinite(array).all():
-        at = tuple(map(int, np.argwhere(~np.isfinite(array))[0]))
-        raise _misplaced(what, "must be finite", at, field, float(array[at]))
+    # NaN, too, is not between these.
+    if array.size and not (array.min() > -LARGEST and array.max() < LARGEST):
+        at = tuple(map(int, np.argwhere(~(np.abs(array) < LARGEST))[0]))
+        rule = f"must be below {LARGEST:.0e} in size" if np.isfinite(array[at]) else "must be finite"
+        raise _misplaced(what, rule, at, field, float(array[at]))
     return np.ascontiguousarray(array).reshape(array.shape)
 
 
@@ -57,7 +62,8 @@ def integers(what: str, value: object, shape: tuple[int | str, ...], *, field: s
         if array.dtype.kind == "b":
             rule = "must be integers; a mask says which with np.flatnonzero(mask)"
             raise DataError(what, rule, field=field, value="bool")
-        if array.dtype.kind not in "iu" and array.size:
+        # An empty list is one of floats.
+        if array.dtype.kind not in ("iu" if array.size else "iuf"):
             raise DataError(what, "must be integers", field=field, value=str(array.dtype))
         array = array.astype(np.int64)
     _require_shape(what, array, shape, field)
@@ -101,6 +107,25 @@ def integer(what: str, value: object, *, field: str | None = None) -> int:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise DataError(what, "must be an integer", field=field, value=value)
     return int(value)
+
+
+def shape_of(what: str, value: object, *, field: str | None = None) -> tuple[int, ...]:
+    """The shape of an array-like; DataError for what is none, such as lists of different lengths."""
+    return _array(what, value, field, True).shape
+
+
+def vectors(what: str, value: object, count: int, *, field: str | None = None) -> Array:
+    """(count, 3) of one vector (3,) for all, or of one each; DataError as :func:`reals`."""
+    one = len(shape_of(what, value, field=field)) == 1
+    return np.broadcast_to(reals(what, value, (3,) if one else (count, 3), field=field), (count, 3)).copy()
+
+
+def instance(what: str, value: T, kind: type) -> T:
+    """``value`` where it is a ``kind``; DataError otherwise, and for the class itself."""
+    if not isinstance(value, kind) or isinstance(value, type):
+        found = value.__name__ if isinstance(value, type) else type(value).__name__
+        raise DataError(what, f"must be a {kind.__name__}", value=found)
+    return value
 
 
 def symmetric(what: str, value: object, n: int | str = "n") -> Array:

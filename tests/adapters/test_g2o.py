@@ -94,7 +94,7 @@ SPACE = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n"
         (POSES + EDGE.replace("0 1", "0 0", 1), 3, "must join two vertices (found 0)"),
         (POSES + EDGE.replace("0 1", "0 -1", 1), 3, "must be the number of a vertex (found '-1')"),
         (POSES + POSES + EDGE, 3, "must have a number of its own (found 0)"),
-        (POSES.replace("1 1 0 0", "1 1e300 0 0") + EDGE, 3, "whose products are finite"),
+        (POSES.replace("1 1 0 0", "1 1e90 0 0") + EDGE, 3, "whose products are below"),
         (POSES + EDGE + "EDGE_PRIOR 0 1", 4, "must be one of VERTEX_SE2"),
         (POSES + EDGE + "FIX 0 1", None, "FIX: may hold one pose"),
         (SPACE.replace(" 1\n", " 2\n"), 1, "quaternion qx qy qz qw must have length 1 (found 2.0)"),

@@ -163,6 +163,8 @@ def test_wrong_flags_are_bad_input(tmp_path: Path, example: Path, flags: tuple[s
     ("changes", "words"),
     [
         ({"H": np.zeros((3, 4))}, "H: must have shape"),
+        ({"times_ns": np.arange(4)}, r"times_ns: must have shape \(5,\)"),
+        ({"v_W": np.zeros((4, 3))}, r"v_W: must have shape \(5, 3\)"),
         ({"H_data": np.zeros(1)}, "is none that --help lists"),
         ({"group": "rigid"}, "group: must be one of yaw-translation, euclidean, similarity"),
         ({"side": np.zeros(2)}, "side: must be one text"),

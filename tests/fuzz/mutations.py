@@ -59,9 +59,9 @@ def spoil_bytes(rng: Random, data: bytes, tokens: list[bytes], others: list[byte
     return bytes(out[:100_000])
 
 
-def spoil_fields(rng: Random, data: bytes, tokens: list[bytes]) -> bytes:
-    """Lines and fields of a comma-separated table exchanged, repeated, lost or replaced."""
-    rows = [line.split(b",") for line in data.split(b"\n")]
+def spoil_fields(rng: Random, data: bytes, tokens: list[bytes], separator: bytes) -> bytes:
+    """Lines and fields of a table exchanged, repeated, lost or replaced."""
+    rows = [line.split(separator) for line in data.split(b"\n")]
     for _ in range(rng.choice((1, 1, 2, 4))):
         i, j = rng.randrange(len(rows)), rng.randrange(len(rows))
         k = rng.randrange(len(rows[i]))
@@ -76,7 +76,7 @@ def spoil_fields(rng: Random, data: bytes, tokens: list[bytes]) -> bytes:
             del rows[i][k]
         else:
             rows[i][k] = rng.choice(tokens)
-    return b"\n".join(b",".join(row) for row in rows)
+    return b"\n".join(separator.join(row) for row in rows)
 
 
 def spoil_png(rng: Random, data: bytes) -> bytes:

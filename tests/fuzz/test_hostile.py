@@ -107,6 +107,16 @@ def test_npz_member_that_is_no_array_is_refused(tmp_path):
         load_states(tmp_path / "x.npz")
 
 
+@pytest.mark.parametrize("order", "<>")
+def test_npz_of_letters_beyond_unicode_is_refused(tmp_path, order):
+    """Catches a text that raises SystemError wherever it is printed, also by the message about it."""
+    np.savez(tmp_path / "x.npz", kind=np.array([2**30], f"{order}u4").view(f"{order}U1"))
+    with pytest.raises(DataError, match=r"kind.npy must hold text in Unicode"):
+        load_arrays(tmp_path / "x.npz")
+    np.savez(tmp_path / "x.npz", kind=np.array("\U0010ffff", f"{order}U1"))
+    assert load_arrays(tmp_path / "x.npz")["kind"] == "\U0010ffff"
+
+
 @pytest.mark.parametrize("count", [10**12, -1, 2**62])
 def test_npz_that_counts_more_entries_than_it_has_is_refused(tmp_path, count):
     """Catches a list of 10^12 empty entries."""

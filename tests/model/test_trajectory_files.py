@@ -185,6 +185,7 @@ ROW = "0,5,0,0,0,0,0,0,1,W,left,\n"
         ("a.tum", GOOD + "2 0 x 0 0 0 0 1\n", "row 2: must be a finite number.*'x'"),
         ("a.tum", GOOD + "2 0 nan 0 0 0 0 1\n", "row 2: must be a finite number"),
         ("a.tum", GOOD + "2 0 0 0 0 0 0 2\n", "row 2: quaternion.*length 1.*2.0"),
+        ("a.tum", GOOD + "2 0 1e200 0 0 0 0 1\n", r"row 2: must be below 1e\+100 in size"),
         ("a.tum", "# t\n" + GOOD + GOOD, "row 3: times must increase"),
         ("a.tum", "1e999999 0 0 0 0 0 0 1\n", "row 1, t: must be a finite number"),
         ("a.tum", "1e10 0 0 0 0 0 0 1\n", "row 1, t: must be a time in seconds"),

@@ -1,11 +1,18 @@
 """The table of faults: every case has a test that exists."""
 
 import ast
+from functools import cache
 
 from support import ROOT
 from vigauge.files import read_rows
 
 COLUMNS = ["input", "message", "outcome", "test"]
+
+
+@cache
+def functions_of(file: str) -> set[str]:
+    tree = ast.parse((ROOT / file).read_text("utf-8"))
+    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
 
 
 def test_every_fault_names_a_test_that_exists() -> None:
@@ -15,6 +22,4 @@ def test_every_fault_names_a_test_that_exists() -> None:
     for row in rows:
         assert None not in row and row["input"] and row["outcome"], row
         file, name = row["test"].split("::")
-        tree = ast.parse((ROOT / file).read_text("utf-8"))
-        functions = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
-        assert name.split("[")[0] in functions, row["test"]
+        assert name.split("[")[0] in functions_of(file), row["test"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sparse
 
-from ..arrays import integers, reals
+from ..arrays import integer, integers, reals
 from ..covariance.estimate import EstimateCovariance
 from ..covariance.information import from_jacobian
 from ..errors import DataError
@@ -66,6 +66,7 @@ def jacobian(rows: object, cols: object, values: object, n: int) -> Any:
 
     Raises DataError for arrays that are not of that form, and for another number of columns.
     """
+    n = integer("n", n)
     starts, columns = integers("rows", rows, ("m",)), integers("cols", cols, ("k",))
     entries = reals("values", values, (len(columns),), matrix=True)
     if not len(starts) or starts[0] != 0 or starts[-1] != len(columns) or np.any(np.diff(starts) < 0):

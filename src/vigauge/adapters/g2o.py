@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.spatial.transform import Rotation
 
+from ..arrays import LARGEST
 from ..covariance.estimate import EstimateCovariance
 from ..errors import DataError
 from ..gauge.group import Euclidean
@@ -193,12 +194,11 @@ def information(path: PathLike, *, rotation: str = "quaternion") -> Information:
         with np.errstate(over="ignore", invalid="ignore"):
             J = _JACOBIANS[tag](graph, edges, *poses_of_ends, ROTATIONS[rotation])
             blocks = J.swapaxes(1, 2) @ np.array([edge.information for edge in edges]) @ J
-        endless = np.flatnonzero(~np.isfinite(blocks).all(axis=(1, 2)))
+        endless = np.flatnonzero(~(np.abs(blocks) < LARGEST).all(axis=(1, 2)))
         if endless.size:
             line = edges[int(endless[0])].line
-            raise DataError(
-                path, "must have poses and information whose products are finite", row=line, field=tag
-            )
+            rule = f"must have poses and information whose products are below {LARGEST:.0e}"
+            raise DataError(path, rule, row=line, field=tag)
         widths = [_VERTICES[kind][1] for kind in _EDGES[tag][:2]]
         where = np.concatenate(
             [np.array([first[k] for k in ends[:, e]])[:, None] + np.arange(widths[e]) for e in (0, 1)], axis=1

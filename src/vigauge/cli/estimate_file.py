@@ -146,16 +146,21 @@ def _information(arrays: Mapping[str, np.ndarray]) -> Information:
     if group not in _GROUPS:
         raise DataError("group", f"must be one of {', '.join(_GROUPS)}", value=group)
     R, p = (_needed(arrays, name) for name in ("R_WB", "p_W"))
+    velocities, times = arrays.pop("v_W", None), arrays.pop("times_ns", None)
+    if velocities is not None:
+        velocities = reals("v_W", velocities, (layout.n_keyframes, 3))
+    if times is not None:
+        times = integers("times_ns", times, (layout.n_keyframes,))
     out = Information(
         H,
         layout,
         R,
         p,
-        arrays.pop("v_W", None),
+        velocities,
         arrays.pop("X_W", None),
         _GROUPS[group],
         arrays.pop("gravity", None),
-        arrays.pop("times_ns", None),
+        times,
     )
     if arrays:
         raise DataError("array", "is none that --help lists", field=next(iter(arrays)))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import integers, number, reals, require_symmetric, sparse_reals
+from ..arrays import integers, number, reals, require_symmetric, shape_of, sparse_reals
 from ..errors import DataError, IndefiniteError
 from ..geometry import so3
 from ..geometry.charts import poses_of
@@ -58,7 +58,7 @@ def nees(estimate: object, truth: object, covariance: Array, *, probability: flo
     number("probability", probability, above=0.0)
     if probability >= 1.0:
         raise DataError("probability", "must be below 1", value=probability)
-    if isinstance(estimate, tuple) or np.asarray(estimate).ndim == 3:
+    if isinstance(estimate, tuple) or len(shape_of("estimate", estimate)) == 3:
         R, p = poses_of(estimate)
         R_true, p_true = poses_of(truth, len(p))
         error = np.concatenate([p - p_true, so3.log(R @ R_true.swapaxes(1, 2))], axis=1)
@@ -68,7 +68,7 @@ def nees(estimate: object, truth: object, covariance: Array, *, probability: flo
     m, c = error.shape
     if not m:
         raise DataError("estimate", "must have one row at least", value=error.shape)
-    one = np.ndim(covariance) == 2
+    one = len(shape_of("covariance", covariance)) == 2
     C = reals("covariance", covariance, (c, c) if one else (m, c, c), matrix=True)
     C = np.broadcast_to(C, (m, c, c))
     require_symmetric("covariance", C)

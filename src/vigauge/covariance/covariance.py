@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg
 
 from ..arrays import indices as indices_of
-from ..arrays import reals
+from ..arrays import instance, integer, reals
 from ..errors import DataError
 from ..gauge.gauges import FixedGauge, FreeGauge, Gauge, first_pose_columns
 from ..gauge.group import Group, YawTranslation, local_tangent
@@ -84,6 +84,8 @@ class Covariance:
 
         Raises DataError where state and problem differ in size.
         """
+        instance("problem", problem, Problem)
+        instance("state", state, State)
         return cls.from_equations(linearise(problem, state), problem, state, group)
 
     @classmethod
@@ -165,6 +167,7 @@ class Covariance:
 
         Raises DataError for a keyframe that is not there, and where the scale is open and no gauge given.
         """
+        i, j = integer("i", i), integer("j", j)
         columns = self._columns([i, j])[:, :6]
         R, p = self.state.R_WB, self.state.p_W
         pose, *by_pose = relative_pose(R[i], p[i], R[j], p[j])
@@ -237,6 +240,7 @@ class _Projection:
     @classmethod
     def of(cls, covariance: Covariance, gauge: Gauge, landmarks: bool) -> _Projection:
         state, U = covariance.state, covariance.U
+        gauge = instance("gauge", gauge, Gauge)
         held, prior = gauge.held(state), gauge.prior(state, covariance.reference)
         if held is covariance._held or np.array_equal(held, covariance._held):
             return cls(None, None, None, held[:0])  # G's own rows are zero there

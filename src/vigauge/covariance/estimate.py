@@ -6,14 +6,14 @@ Q G Q^T with Q of Eq. (14), an update of rank 2d on the blocks that are asked fo
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ..arrays import reals
+from ..arrays import indices, instance, reals
 from ..errors import DataError, DegenerateError
 from ..gauge.gauges import FreeGauge
 from ..gauge.group import Group
@@ -78,7 +78,7 @@ class EstimateCovariance:
 
     def joint(self, keys: Sequence[Hashable], gauge: Any = None) -> Array:
         """(c, c) covariance of some keyframes together, all their columns, the first key's first."""
-        rows = np.concatenate([self.layout.columns(key) for key in keys])
+        rows = np.concatenate([self.layout.columns(key) for key in instance("keys", keys, Iterable)])
         out = self.entries(rows, rows, gauge)
         return 0.5 * (out + out.T)
 
@@ -87,7 +87,9 @@ class EstimateCovariance:
         return self.entries(self.layout.columns(a), self.layout.columns(b), gauge)
 
     def entries(self, rows: Index, columns: Index, gauge: Any = None) -> Array:
-        """(r, c) entries of the covariance by columns of H."""
+        """(r, c) entries of the covariance by columns of H, None for all; DataError for one too many."""
+        rows = indices("rows", rows, self.layout.n)
+        columns = indices("columns", columns, self.layout.n)
         A, W = self._at(gauge)._projection
         G = self.inverse.across(rows, columns)
         return G - A[rows] @ W[columns].T - W[rows] @ A[columns].T
@@ -100,8 +102,8 @@ class EstimateCovariance:
         Raises DataError for a key or kind that is not there, or where a keyframe lacks some of the columns.
         """
         layout = self.layout
-        for kind in kinds or ():
-            if kind not in layout.blocks:
+        for kind in instance("kinds", kinds or (), Sequence):
+            if not isinstance(kind, str) or kind not in layout.blocks:
                 raise DataError("kind", f"must be one of {', '.join(layout.blocks)}", value=kind)
         rows = np.concatenate([layout.blocks[kind] for kind in kinds or layout.blocks], axis=1)
         if keys is not None:

@@ -9,7 +9,7 @@ from ..arrays import reals, symmetric
 from ..errors import DataError, DegenerateError
 from ..geometry.so3 import Array
 from ..observability.spectrum import require_regular, require_semidefinite
-from ..sparsity.rounding import rounding
+from ..sparsity.rounding import NOTHING, rounding
 from .projection import independent_columns, oblique_projection
 
 # Largest relative error of a covariance that may come from U being null to a few digits only.
@@ -25,7 +25,7 @@ def generalised_inverse(matrix: Array, null: Array) -> tuple[Array, Array]:
     Raises DataError, IndefiniteError and DegenerateError as :func:`covariance_from_hessian`.
     """
     n, diagonal = len(matrix), np.diagonal(matrix)
-    if not np.all(diagonal > 0.0):
+    if not np.all(diagonal > NOTHING):
         row = int(np.argmin(diagonal))
         raise DataError("H", "diagonal must be positive", row=row, value=float(diagonal[row]))
     scale = 1.0 / np.sqrt(diagonal)

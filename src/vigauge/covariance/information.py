@@ -11,13 +11,13 @@ import scipy.linalg
 import scipy.linalg.lapack as lapack
 import scipy.sparse as sparse
 
-from ..arrays import reals, sparse_reals, sparse_symmetric, symmetric
+from ..arrays import instance, reals, sparse_reals, sparse_symmetric, symmetric
 from ..errors import DataError, DegenerateError, IndefiniteError
 from ..gauge.group import Group, YawTranslation
 from ..gauge.layout import Index, Layout, null_space
 from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
-from ..sparsity.rounding import rounding
+from ..sparsity.rounding import NOTHING, rounding
 from .estimate import EstimateCovariance
 from .foreign import generalised_inverse
 from .inverses import BandInverse, DenseInverse, Inverse, Scaled, SchurInverse, band_order, largest_of_inverse
@@ -72,6 +72,7 @@ def from_hessian(
     DegenerateError
         where more than the group is unobservable
     """
+    instance("layout", layout, Layout)
     large = sparse.issparse(H) and H.shape[0] > _SMALL
     H = sparse_symmetric("H", H, layout.n) if large else symmetric("H", H, layout.n)
     estimate = _Estimate(layout, poses, velocities, points, group, gravity, vectors)
@@ -96,6 +97,7 @@ def from_jacobian(
     weak as the others hold two halves of a flight together, sigmas are good to 2e-7; at 1e4 to 1e-4; at 1e5
     DegenerateError is raised (measured, 60 keyframes). ``J.toarray()`` keeps the digits.
     """
+    instance("layout", layout, Layout)
     estimate = _Estimate(layout, poses, velocities, points, group, gravity, vectors)
     if sparse.issparse(J) and J.shape[1] > _SMALL:
         J = sparse_reals("J", J, ("m", layout.n))
@@ -129,6 +131,7 @@ def from_schur(
     coupling : (n, 3K) B, array or scipy.sparse matrix
     information : (K, 3, 3) blocks of C
     """
+    instance("layout", layout, Layout)
     large = sparse.issparse(S) and S.shape[0] > _SMALL
     S = sparse_symmetric("S", S, layout.n) if large else symmetric("S", S, layout.n)
     if layout.n_points:
@@ -275,7 +278,7 @@ def _held(N: Array) -> Index:
 
 
 def _scale(diagonal: Array) -> Array:
-    if not np.all(diagonal > 0.0):
+    if not np.all(diagonal > NOTHING):
         row = int(np.argmin(diagonal))
         rule = "diagonal must be positive: nothing measures this parameter, take its row and column out"
         raise DataError("H", rule, row=row, value=float(diagonal[row]))

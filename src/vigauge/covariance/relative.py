@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from ..arrays import reals, symmetric
+from ..arrays import reals, shape_of, symmetric
 from ..errors import DegenerateError
 from ..geometry import so3
 from ..geometry.charts import poses_of
@@ -49,12 +49,9 @@ class RelativePose:
 
         Raises DataError for other shapes, and DegenerateError where the sum of covariances is singular.
         """
-        pair = (
-            tuple(np.asarray(x)[None] for x in measured)
-            if isinstance(measured, tuple)
-            else np.asarray(measured)[None]
-        )
-        R, p = poses_of(pair, 1)
+        one = measured if isinstance(measured, tuple) else (measured,)
+        batch = tuple(reals("measured", x, shape_of("measured", x))[None] for x in one)
+        R, p = poses_of(batch if isinstance(measured, tuple) else batch[0], 1)
         error = np.concatenate([p[0] - self.p, so3.log(R[0] @ self.R.T)])
         total = self.covariance
         if covariance is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import symmetric
+from ..arrays import instance, symmetric
 from ..errors import DataError
 from ..gauge.gauges import Gauge
 from ..gauge.group import orbit_tangent
@@ -44,7 +44,9 @@ def transform_covariance(
         for another shape, a matrix that is not symmetric or holds rotations with standard deviations
         beyond pi, or a motion block where the gauge constrains landmarks
     """
-    state.require_valid()
+    instance("state", state, State).require_valid()
+    instance("reference", reference, State).require_valid()
+    instance("gauge", gauge, Gauge)
     covariance = symmetric("covariance", covariance)
     n, n_motion = len(covariance), state.n_motion
     if covariance.shape not in ((n_motion, n_motion), (state.n_parameters,) * 2):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ _NOTHING: Index = np.empty(0, dtype=np.int64)
 _NOTHING.setflags(write=False)
 
 
+@runtime_checkable
 class Gauge(Protocol):
     """What the solver, the covariance and the figures ask of a gauge."""
 

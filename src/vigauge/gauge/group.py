@@ -12,17 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..arrays import reals
+from ..arrays import instance, reals
 from ..geometry import so3
 from ..geometry.so3 import Array
 from ..kernels import rotation
 from ..model.state import State
 
 
+@runtime_checkable
 class Group(Protocol):
     """What the covariance asks of a group."""
 
@@ -48,7 +49,7 @@ def orbit_tangent(state: State) -> Array:
     It belongs to this package's parameters: left increments in W, the first rotation as
     Eq. (9), order of :mod:`vigauge.model.state`.
     """
-    return _tangent(state.require_valid())
+    return _tangent(instance("state", state, State).require_valid())
 
 
 def _tangent(state: State) -> Array:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import integer, integers, reals
+from ..arrays import instance, integer, integers, reals
 from ..errors import DataError
 from ..geometry.charts import Chart, chart_named, poses_of
 from ..geometry.so3 import Array
@@ -57,6 +57,7 @@ class Layout:
     def __post_init__(self) -> None:
         integer("layout", self.n, field="n")
         chart_named("side", self.side)
+        instance("blocks", self.blocks, Mapping)
         checked = {kind: integers("layout", c, ("N", "c"), field=kind) for kind, c in self.blocks.items()}
         points = integers("layout", self.points, ("K", 3), field="points")
         object.__setattr__(self, "blocks", checked)
@@ -113,8 +114,8 @@ class Layout:
     ) -> Layout:
         count, points = integer("keyframes", count), integer("points", points)
         widths: dict[str, int] = {}
-        for block in blocks:
-            kind, _, given = block.partition(":")
+        for block in instance("blocks", blocks, Sequence):
+            kind, _, given = instance("blocks", block, str).partition(":")
             if not (given.isdigit() or (kind in _KNOWN and not given)):
                 raise DataError(
                     "blocks", 'must be position, rotation, velocity, or "name:columns"', value=block
@@ -235,7 +236,8 @@ class Layout:
 
 
 def _found(what: str, places: Mapping[Hashable, int], key: Hashable) -> int:
-    place = places.get(key)
+    # A bool would be taken for 0 or 1.
+    place = places.get(key) if isinstance(key, Hashable) and not isinstance(key, (bool, np.bool_)) else None
     if place is None:
         raise DataError("key", f"must be that of a {what} of the layout", value=key)
     return place
@@ -254,6 +256,7 @@ class _Move:
 
 
 def _moves(group: Group, gravity: object) -> list[_Move]:
+    instance("group", group, Group)
     up = np.array(_UP)
     if gravity is not None:
         g = reals("gravity", gravity, (3,))
@@ -301,7 +304,7 @@ def null_space(
     Raises DataError for shapes that do not fit the layout, or values that it needs and that are missing.
     """
     group = YawTranslation() if group is None else group
-    R, p = poses_of(poses, layout.n_keyframes)
+    R, p = poses_of(poses, instance("layout", layout, Layout).n_keyframes)
     moves = _moves(group, gravity)
     centre = p.mean(axis=0) if len(p) else np.zeros(3)
     world = np.empty((len(p), 6, dimension(group)))

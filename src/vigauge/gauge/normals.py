@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import integer, reals
+from ..arrays import instance, integer, reals
 from ..errors import DataError
 from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
@@ -53,7 +53,7 @@ def gauge_normal(
     Raises DataError for a gauge without such constraints, and for keys or points that are not there.
     """
     group = YawTranslation() if group is None else group
-    R, p = poses_of(poses, layout.n_keyframes)
+    R, p = poses_of(poses, instance("layout", layout, Layout).n_keyframes)
     parts = list(gauge) if isinstance(gauge, Sequence) else [gauge]
     return np.concatenate(
         [_normal(layout, R, p, part, group, points, gravity) for part in parts] or [np.zeros((layout.n, 0))],

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import reals, require_rotations
+from ..arrays import reals, require_rotations, shape_of
 from ..errors import DataError
 from .so3 import Array, hat
 
@@ -89,8 +89,9 @@ def poses_of(poses: object, count: int | None = None) -> tuple[Array, Array]:
         R = reals("poses", poses[0], ("N" if count is None else count, 3, 3), field="R")
         p = reals("poses", poses[1], (len(R), 3), field="p")
     else:
-        rows = 3 if np.asarray(poses).shape[-2:-1] == (3,) else 4
-        T = reals("poses", poses, ("N" if count is None else count, rows, 4))
+        T = reals("poses", poses, ("N" if count is None else count, "3 or 4", 4))
+        if T.shape[1] not in (3, 4):
+            raise DataError("poses", "must have shape (N, 4, 4) or (N, 3, 4)", value=T.shape)
         R, p = np.ascontiguousarray(T[:, :3, :3]), np.ascontiguousarray(T[:, :3, 3])
     require_rotations("poses", R)
     return R, p
@@ -115,7 +116,7 @@ def as_convention(
     Raises DataError for another shape, an unknown name, or positions that are missing.
     """
     charts = chart_named("source", source), chart_named("to", to)
-    single = np.ndim(covariance) == 2
+    single = len(shape_of("covariance", covariance)) == 2
     shape: tuple[int | str, ...] = (6, 6) if single else ("N", 6, 6)
     C = reals("covariance", covariance, shape, matrix=True).reshape(-1, 6, 6)
     R = reals("R", R, (3, 3) if single else (len(C), 3, 3)).reshape(-1, 3, 3)
@@ -124,7 +125,7 @@ def as_convention(
         if any(chart.position in ("inverse", "twist") for chart in charts):
             raise DataError("p", f"must be given: '{to}' or '{source}' turns positions about the origin")
         p = np.zeros((len(C), 3))
-    p = reals("p", p, (3,) if single and np.ndim(p) == 1 else (len(C), 3)).reshape(-1, 3)
+    p = reals("p", p, (3,) if single and len(shape_of("p", p)) == 1 else (len(C), 3)).reshape(-1, 3)
     given, wanted = (_ordered(chart, chart.from_world(R, p)) for chart in charts)
     J = wanted @ np.linalg.inv(given)
     out = J @ C @ J.swapaxes(1, 2)

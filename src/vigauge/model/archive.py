@@ -10,6 +10,7 @@ import io
 import math
 import os
 import struct
+import sys
 import tokenize
 import zipfile
 import zlib
@@ -105,7 +106,11 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
         size = math.prod(shape) * dtype.itemsize
         if min(shape, default=0) < 0 or size != member.file_size - stream.tell():
             raise ValueError(f"{member.filename} has another size than its header says")
-        return np.ndarray(shape, dtype, bytearray(stream.read(size)), order="F" if columns_first else "C")
+        content = bytearray(stream.read(size))
+        letters = np.frombuffer(content, f"{dtype.byteorder}u4") if dtype.kind == "U" else np.empty(0)
+        if letters.max(initial=0) > sys.maxunicode:
+            raise ValueError(f"{member.filename} must hold text in Unicode")
+        return np.ndarray(shape, dtype, content, order="F" if columns_first else "C")
 
 
 def _state_arrays(state: State) -> dict[str, np.ndarray]:

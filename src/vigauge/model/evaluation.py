@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import reals
+from ..arrays import instance, reals, shape_of
 from ..errors import DataError, VigaugeError
 from ..geometry import so3
 from ..geometry.so3 import Array
@@ -61,8 +61,8 @@ def trajectory_errors(
     estimate: State, truth: State, align: Callable[[State, State], State] = align_first_pose
 ) -> TrajectoryErrors:
     """RMSE over the keyframes of both states after alignment, the paper's by default (Section IV-C.1)."""
-    estimate.require_valid()
-    truth.require_valid()
+    instance("estimate", estimate, State).require_bounded()
+    instance("truth", truth, State).require_bounded()
     if estimate.n_keyframes != truth.n_keyframes:
         raise VigaugeError(
             "estimate and truth must have the same keyframes: "
@@ -116,7 +116,7 @@ def relative_frobenius(A: Array, reference: Array) -> float:
 
     Raises DataError for matrices of different shapes, numbers that are not finite, and a reference of zeros.
     """
-    reference = reals("reference", reference, np.shape(reference))
+    reference = reals("reference", reference, shape_of("reference", reference))
     A = reals("A", A, reference.shape)
     size = float(np.linalg.norm(reference))
     if not size > 0.0:

@@ -8,7 +8,7 @@ covariance and the diagnosis ask nothing else of it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ class LinearFactor(NamedTuple):
         return LinearFactor(columns, residual, jacobian, self.total)
 
 
+@runtime_checkable
 class MotionFactor(Protocol):
     """A residual on the motion of some keyframes.
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import integer, integers, number, reals
+from ..arrays import instance, integer, integers, number, reals, shape_of, vectors
 from ..errors import DataError
 from ..geometry import so3
 from ..geometry.so3 import Array
@@ -51,7 +51,8 @@ class ImuNoise:
                 raise DataError("imu noise", "must not be negative", field=name, value=getattr(self, name))
 
     def scaled(self, factor: float) -> ImuNoise:
-        """All densities times ``factor``."""
+        """All densities times ``factor``; DataError where it is not positive."""
+        factor = number("imu noise", factor, field="factor", above=0.0)
         return ImuNoise(
             self.gyro_density * factor,
             self.accel_density * factor,
@@ -79,6 +80,7 @@ class ImuSamples:
     accel: Array
 
     def __post_init__(self) -> None:
+        shape_of("imu", self.t_ns, field="timestamp")
         t_ns = np.asarray(self.t_ns)
         if t_ns.dtype.kind == "f" and t_ns.size:
             rule = "must be integer nanoseconds; of seconds, np.round(t * 1e9).astype(np.int64)"
@@ -96,9 +98,8 @@ class ImuSamples:
 
     def corrected(self, gyro_bias: Array, accel_bias: Array) -> ImuSamples:
         """Samples with known biases taken off; each bias is (3,) or (M, 3)."""
-        count = len(self.t_ns)
         gyro_bias, accel_bias = (
-            reals("imu", bias, (3,) if np.ndim(bias) == 1 else (count, 3), field=name)
+            vectors("imu", bias, len(self.t_ns), field=name)
             for name, bias in (("gyro_bias", gyro_bias), ("accel_bias", accel_bias))
         )
         return ImuSamples(self.t_ns, self.gyro - gyro_bias, self.accel - accel_bias)
@@ -207,6 +208,10 @@ def preintegrate(
         where the samples do not cover the interval or have a larger gap in it, or where stamps are no
         integer nanoseconds.
     """
+    instance("samples", samples, ImuSamples)
+    instance("noise", noise, ImuNoise)
+    if biases is not None and len(instance("biases", biases, tuple)) != 2:
+        raise DataError("biases", "must be two, of the gyroscope and the accelerometer", value=len(biases))
     t_start_ns, t_end_ns = integer("t_start_ns", t_start_ns), integer("t_end_ns", t_end_ns)
     lo = max(int(np.searchsorted(samples.t_ns, t_start_ns, side="right")) - 1, 0)
     hi = int(np.searchsorted(samples.t_ns, t_end_ns, side="left")) + 1

@@ -6,7 +6,8 @@ works on whole arrays.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations
@@ -15,7 +16,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import indices, integers, number, reals, require_rotations, require_symmetric
+from ..arrays import (
+    indices,
+    instance,
+    integers,
+    number,
+    reals,
+    require_rotations,
+    require_symmetric,
+    shape_of,
+    vectors,
+)
 from ..errors import DataError
 from ..geometry.camera import Camera
 from ..geometry.so3 import Array
@@ -71,7 +82,7 @@ class InertialFactors:
     accel_bias: Array | None = None
 
     def __post_init__(self) -> None:
-        count = np.size(self.dt)
+        count = math.prod(shape_of("inertial factors", self.dt, field="dt"))
         of_biases: dict[str, Shape] = dict.fromkeys(("by_gyro_bias", "by_accel_bias"), (count, 9, 3))
         of_biases |= dict.fromkeys(("gyro_bias", "accel_bias"), (count, 3))
         given = [name for name in of_biases if getattr(self, name) is not None]
@@ -135,9 +146,7 @@ class InertialFactors:
             with_walk[:, :KEYFRAME, :KEYFRAME] += covariance
             covariance = with_walk
             for name, bias in (("gyro_bias", gyro_bias), ("accel_bias", accel_bias)):
-                shape = (3,) if np.ndim(bias) == 1 else (len(factors), 3)  # type: ignore[arg-type]
-                bias = reals("inertial factors", bias, shape, field=name)
-                of_biases[name] = np.broadcast_to(bias, (len(factors), 3)).copy()
+                of_biases[name] = vectors("inertial factors", bias, len(factors), field=name)
                 by = np.array([getattr(f, f"by_{name}") for f in factors])
                 of_biases[f"by_{name}"] = by.reshape(-1, KEYFRAME, 3)
         return cls(
@@ -205,10 +214,16 @@ class Problem:
     obs_noise: Array | None = None
 
     def __post_init__(self) -> None:
-        m = np.shape(self.obs_uv)[0] if np.ndim(self.obs_uv) else 0
+        m = next(iter(shape_of("problem", self.obs_uv, field="obs_uv")), 0)
         counts: dict[str, Shape] = dict.fromkeys(("obs_keyframe", "obs_camera", "obs_landmark"), (m,))
         _take(self, "problem", {"obs_uv": (m, 2)}, counts)
-        n, k = self.initial.require_valid().n_keyframes, self.initial.n_landmarks
+        instance("problem, inertial", self.inertial, InertialFactors)
+        for place, camera in enumerate(instance("problem, cameras", self.cameras, Sequence)):
+            instance(f"problem, cameras {place}", camera, Camera)
+        n, k = (
+            instance("problem, initial", self.initial, State).require_valid().n_keyframes,
+            self.initial.n_landmarks,
+        )
         for name, index, count in (
             ("obs_keyframe", self.obs_keyframe, n),
             ("obs_camera", self.obs_camera, len(self.cameras)),
@@ -229,7 +244,8 @@ class Problem:
         if number("problem", self.gravity, field="gravity") < 0.0:
             rule = "must not be negative: it is the g of g_W = (0, 0, -g)"
             raise DataError("problem", rule, field="gravity", value=self.gravity)
-        for place, factor in enumerate(self.factors):
+        for place, factor in enumerate(instance("problem, factors", self.factors, Sequence)):
+            instance(f"problem, factors {place}", factor, MotionFactor)
             indices(f"problem, factors {place}", factor.keyframes, n, field="keyframes")
         if self.loss is not None and type(self.loss) not in LOSSES.values():
             raise DataError(
@@ -326,7 +342,7 @@ class Problem:
 
     def require_fits(self, state: State) -> State:
         """A state that is one, and of as many keyframes and landmarks as this problem; else DataError."""
-        self.initial.require_size(state.require_valid())
+        self.initial.require_size(instance("state", state, State).require_valid())
         return state
 
     def with_initial(self, initial: State) -> Problem:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import number, reals, require_rotations
+from ..arrays import instance, number, reals, require_rotations, vectors
 from ..errors import DataError
 from ..geometry import so3
 from ..geometry.so3 import Array
@@ -114,10 +114,7 @@ class State:
         Raises DataError for other shapes or numbers that are not finite.
         """
         biases = {
-            name: np.broadcast_to(
-                reals("state", bias, (3,) if np.ndim(bias) == 1 else (self.n_keyframes, 3), field=name),
-                (self.n_keyframes, 3),
-            ).copy()
+            name: vectors("state", bias, self.n_keyframes, field=name)
             for name, bias in zip(BIASES, (gyro_bias, accel_bias), strict=True)
         }
         return replace(self, **biases)
@@ -148,6 +145,15 @@ class State:
                 "state", "Exp(dphi_0) R_WB0_ref must be the first rotation", field="dphi_0", value=self.dphi_0
             )
         return self
+
+    def require_bounded(self) -> State:
+        """This state, valid and without numbers of 1e100 or more, of whose squares no answer could be made.
+
+        Raises DataError. A solver may start from larger ones, and says that the cost is not finite.
+        """
+        for name in ("p_W", "v_W", "X_W"):
+            reals("state", getattr(self, name), _SHAPES[name], field=name)
+        return self.require_valid()
 
     def require_size(self, other: State) -> None:
         """DataError where another state has not as many keyframes and landmarks, or biases, as this one."""
@@ -246,7 +252,7 @@ class State:
 
         Raises DataError where the two differ in size or one is no valid state.
         """
-        self.require_valid().require_size(other.require_valid())
+        self.require_valid().require_size(instance("state", other, State).require_valid())
         turn = so3.log(other.R_WB @ self.R_WB.swapaxes(1, 2))
         if np.array_equal(self.R_WB0_ref, other.R_WB0_ref):
             turn[0] = other.dphi_0 - self.dphi_0

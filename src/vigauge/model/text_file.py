@@ -7,6 +7,7 @@ import os
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
+from ..arrays import LARGEST
 from ..errors import DataError
 
 PathLike = str | os.PathLike[str]
@@ -26,13 +27,15 @@ def read_text(path: PathLike) -> str:
 
 
 def number_in(path: PathLike, line: int, cell: str, field: str | None = None) -> float:
-    """A finite number; DataError otherwise."""
+    """A finite number below 1e100; DataError otherwise."""
     try:
         value = float(cell)
     except ValueError:
         value = math.nan
     if not math.isfinite(value) or "_" in cell:
         raise DataError(path, "must be a finite number", row=line, field=field, value=cell)
+    if abs(value) >= LARGEST:
+        raise DataError(path, f"must be below {LARGEST:.0e} in size", row=line, field=field, value=cell)
     return value
 
 

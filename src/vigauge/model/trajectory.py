@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import integers, reals, require_rotations
+from ..arrays import instance, integers, reals, require_rotations
 from ..errors import DataError
 from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
@@ -92,7 +92,7 @@ class Trajectory:
                 rule = "must come with a covariance: that is what it describes"
                 raise DataError(name, rule, field="gauge", value=self.gauge or self.kinds)
             return
-        unknown = [kind for kind in self.kinds if kind not in AXES]
+        unknown = [kind for kind in instance("kinds", self.kinds, tuple) if kind not in AXES]
         if unknown or len(set(self.kinds)) != len(self.kinds) or not self.kinds:
             rule = f"must be different ones of {', '.join(AXES)}"
             raise DataError(name, rule, field="kinds", value=self.kinds)

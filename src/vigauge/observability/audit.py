@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from ..arrays import sparse_symmetric, symmetric
+from ..arrays import instance, sparse_symmetric, symmetric
 from ..gauge.group import Group
 from ..gauge.layout import Index, Layout, null_space
 from ..geometry.charts import CHARTS
 from ..geometry.so3 import Array
-from ..sparsity.rounding import rounding
+from ..sparsity.rounding import NOTHING, rounding
 
 # A diagonal over more decades than this hides its small entries below the rounding of its large ones.
 _DECADES = 12.0
@@ -63,6 +63,7 @@ def audit(
 
     Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric.
     """
+    instance("layout", layout, Layout)
     sparse = scipy.sparse.issparse(H)
     H = sparse_symmetric("H", H, layout.n) if sparse else symmetric("H", H, layout.n)
     diagonal = H.diagonal()
@@ -91,7 +92,7 @@ class _Leak:
 
     @classmethod
     def of(cls, H: Any, diagonal: Array, U: Array) -> _Leak:
-        scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        scale = 1.0 / np.sqrt(np.where(diagonal > NOTHING, diagonal, 1.0))
         T = U[:, U.any(axis=0)] / scale[:, None]
         N, sizes, _ = np.linalg.svd(T / np.linalg.norm(T, axis=0), full_matrices=False)
         N = N[:, sizes > rounding(len(N))]

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.sparse import issparse
 from scipy.special import chdtri
 
-from ..arrays import indices, reals, sparse_symmetric, symmetric
+from ..arrays import indices, instance, reals, sparse_symmetric, symmetric
 from ..errors import DataError
 from ..gauge.group import YawTranslation, local_tangent
 from ..geometry import so3
@@ -247,7 +247,8 @@ def diagnose(problem: Problem, state: State) -> Diagnosis:
 
     Raises DataError where a residual's derivative is not finite at the state.
     """
-    return diagnose_equations(linearise(problem, problem.require_fits(state)), problem, state)
+    instance("problem", problem, Problem).require_fits(state).require_bounded()
+    return diagnose_equations(linearise(problem, state), problem, state)
 
 
 def diagnose_equations(equations: NormalEquations, problem: Problem, state: State) -> Diagnosis:

@@ -16,7 +16,7 @@ from ..errors import DegenerateError, IndefiniteError, SolverError
 from ..geometry.so3 import Array
 from ..solver.normal_equations import NormalEquations, ReducedSystem
 from ..sparsity.layout import Index
-from ..sparsity.rounding import rounding
+from ..sparsity.rounding import NOTHING, rounding
 
 # Cosine above which a direction lies in the null space. Eigenvectors there are good to the
 # rounding error over the gap, so 1e-6 leaves room for gaps down to 1e-7.
@@ -145,7 +145,7 @@ def indefinite(value: float, direction: Array) -> IndefiniteError:
 
 def unit_scale(diagonal: Array) -> Array:
     """Roots of a diagonal. A parameter without any information keeps its unit."""
-    return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    return np.sqrt(np.where(diagonal > NOTHING, diagonal, 1.0))
 
 
 class NullSpace:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+# Information below this is none: its inverse would overflow.
+NOTHING = 1e-100
+
 
 def rounding(n: int) -> float:
     """Share of the largest eigenvalue of an (n, n) matrix below which an eigenvalue is a rounding error.

@@ -190,6 +190,7 @@ def test_program_converts_and_refuses_in_one_line(bag: Path, tmp_path: Path) -> 
         ({"distortion_model": "fov"}, "cam0.distortion_model"),
         ({"T_cam_imu": [[1.0, 0.0], [0.0, 1.0]]}, "cam0.T_cam_imu"),
         ({"T_cam_imu": np.diag([1.0, 1.0, 2.0, 1.0]).tolist()}, "cam0.T_cam_imu"),
+        ({"T_cam_imu": [*np.eye(4)[:3].tolist(), [0.0, 0.0, 0.0, 0.0]]}, "cam0.T_cam_imu"),
         ({"timeshift_cam_imu": 2.5e6}, "cam0.timeshift_cam_imu"),
     ],
 )

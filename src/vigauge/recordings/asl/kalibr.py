@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...arrays import LARGEST
 from ...errors import DataError
 from ...geometry.camera import EQUIDISTANT, RADIAL_TANGENTIAL
 from ...geometry.so3 import Array
@@ -189,7 +190,9 @@ def _matrix(path: Path, camera: str, entry: Mapping[str, Any], key: str) -> Arra
         raise DataError(path, "must be 4 rows of 4 numbers", field=field, value=value) from error
     if T.shape != (4, 4) or not np.all(np.isfinite(T)):
         raise DataError(path, "must be 4 rows of 4 numbers", field=field, value=value)
-    if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or np.linalg.det(T[:3, :3]) < 0.0:
+    turn, last = T[:3, :3], T[3] - [0.0, 0.0, 0.0, 1.0]
+    small = np.abs(T).max() < LARGEST
+    if not small or np.abs(turn @ turn.T - np.eye(3)).max() > 1e-3 or np.linalg.det(turn) < 0.0 or last.any():
         raise DataError(path, "must be a rigid transformation", field=field, value=value)
     return T
 
