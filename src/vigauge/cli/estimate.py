@@ -96,7 +96,7 @@ def main() -> None:
     arguments.add_argument(
         "--tracker",
         choices=("optical_flow", "descriptors"),
-        help="default: optical flow where frames are dense; descriptors drift less and take longer",
+        help="default: optical flow where frames are dense; descriptors take longer",
     )
     arguments.add_argument(
         "--camera-time-offset-ns", type=int, default=0, help="offset to add to the stamps of frames"

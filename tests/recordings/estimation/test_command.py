@@ -19,12 +19,11 @@ import pytest
 
 import vigauge as vg
 from support import ROOT
+from support.turning import render_turning
 from vigauge.cli import estimate as command
 from vigauge.errors import DataError
 from vigauge.recordings import Estimate
 from vigauge.recordings.estimation.windows import Part
-from vigauge_paper.stand_in import rendering
-from vigauge_paper.stand_in.asl_folder import write_asl_folder
 
 KEYFRAMES = 7
 
@@ -144,12 +143,7 @@ def scaled(columns: slice, factor: float) -> Callable[[Path], None]:
 
 def turning(folder: Path) -> None:
     """One camera that turns in place."""
-    make_scene, flight = rendering.SCENES["room"]
-    only_turns = replace(flight, position_m=np.zeros_like(flight.position_m))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(rendering.SCENES, "room", (make_scene, only_turns))
-        sequence = rendering.render_sequence("room", rendering.RenderSettings(seed=7, duration_s=1.2))
-    write_asl_folder(sequence, "room", folder, versions={})
+    render_turning(folder)
     without("cam1", "state_groundtruth_estimate0")(folder)
 
 

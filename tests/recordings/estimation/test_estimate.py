@@ -15,8 +15,8 @@ def test_motion_and_biases_are_near_the_truth(made: vg.recordings.Estimate, rend
     """A frame, sign or clock that is wrong between reader, front-end and solver."""
     (found,) = compare_with_truths(rendered.sequence, made.state, made.t_ns)
     assert found.p_rmse_m < 0.006 and found.phi_rmse_deg < 0.4 and found.v_rmse_mps < 0.02
-    # Biases are 0.08 rad/s and 0.15 m/s^2. Optical flow drifts alike for all points: up to six sigmas here.
-    assert np.abs(found.gyro_bias_error).max() < 2e-3
+    # Biases are 0.08 rad/s and 0.15 m/s^2. Patches that are only shifted leave 1e-3 rad/s.
+    assert np.abs(found.gyro_bias_error).max() < 5e-4
     assert np.abs(found.accel_bias_error).max() < 0.08
 
 
