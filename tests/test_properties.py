@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vigauge as vg
+from support.damage import ARRAYS
 from support.dense import dense_jacobian
 from support.random_problem import random_problem
 from vigauge.covariance.projection import oblique_projector
@@ -77,28 +78,6 @@ def test_covariances_are_those_of_dense_algebra(size, gauge):
     assert vg.diagnose_hessian(H, U).rank == len(H) - 4
 
 
-# Ways to damage an array of numbers: no answer is right for any of them.
-DAMAGE: dict[str, Callable[[np.ndarray, np.random.Generator], object]] = {
-    "NaN": lambda a, rng: _spoilt(a, rng, np.nan),
-    "infinity": lambda a, rng: _spoilt(a, rng, -np.inf),
-    "a row less": lambda a, rng: a[:-1],
-    "an axis more": lambda a, rng: a[None],
-    "complex": lambda a, rng: a + 0j,
-    "objects": lambda a, rng: a.astype(object),
-    "strings": lambda a, rng: a.astype(str),
-    "booleans": lambda a, rng: a > 0.0,
-    "a mask": lambda a, rng: np.ma.masked_array(a, rng.random(a.shape) < 0.5),
-    "nothing": lambda a, rng: None,
-    "ragged": lambda a, rng: [[1.0], [1.0, 2.0]],
-}
-
-
-def _spoilt(array: np.ndarray, rng: np.random.Generator, value: float) -> np.ndarray:
-    out = np.array(array, dtype=float)
-    out.flat[rng.integers(out.size)] = value
-    return out
-
-
 def _uses(problem, H, U, fixed) -> dict[str, tuple[np.ndarray, Callable[[object], object]]]:
     """Of every public function that takes arrays: a right array, and the call that takes it."""
     s, V, gauge = problem.initial, vg.FixedGauge().normal(problem.initial), vg.FixedGauge()
@@ -156,15 +135,18 @@ NAMES = sorted(_uses(*dense(0, 2, 6)))
 
 
 @settings(max_examples=3 * COUNT, deadline=None)
-@given(sizes, st.sampled_from(NAMES), st.sampled_from(sorted(DAMAGE)), st.integers(0, 2**32 - 1))
+@given(sizes, st.sampled_from(NAMES), st.sampled_from(sorted(ARRAYS)), st.integers(0, 2**32 - 1))
 def test_damaged_arrays_are_refused(size, name, damage, seed):
     """Catches NaN returned, entries dropped or read as numbers, and errors that are not the package's."""
     array, call = _uses(*dense(*size))[name]
     # A state with a landmark less is a state: it is the problem that it does not fit.
     if (name, damage) == ("X_W against the truth", "a row less"):
         return
+    # A solver may start anywhere, and says where its cost is not finite.
+    if name.endswith("of a problem") and damage == "overflow":
+        return
     with pytest.raises(vg.VigaugeError):
-        call(DAMAGE[damage](array, np.random.default_rng(seed)))
+        call(ARRAYS[damage](array, np.random.default_rng(seed)))
 
 
 @pytest.mark.parametrize("name", NAMES)
