@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from ..geometry.so3 import Array
 from ..sparsity.rounding import NOTHING, rounding
 from .estimate import EstimateCovariance
 from .foreign import generalised_inverse
-from .inverses import BandInverse, DenseInverse, Inverse, Scaled, SchurInverse, band_order, largest_of_inverse
+from .inverses import DenseInverse, Inverse, Scaled, SchurInverse
 from .projection import independent_columns
 from .sparse_inverse import SparseInverse
 
@@ -30,10 +30,6 @@ _HARMLESS = 1e-3
 _FOREIGN = 1e-6
 # Below, a matrix is inverted dense: never slower (measured).
 _SMALL = 400
-# Places of a band for each entry of the matrix, up to which it is quicker than a general factor (measured).
-_BAND_FILL = 6.0
-# Half bandwidth that no other order need improve on.
-_NARROW = 100
 # Share of a direction's square that makes it one of the group's own.
 _OWN = 1.0 - 1e-6
 
@@ -202,30 +198,35 @@ class _Estimate:
         self.tangent = tangent[:, moves]
         self.names = [name for name, some in zip(self.group.directions, moves, strict=True) if some]
 
-    def split(self, A: Any, scale: Array, *, jacobian: bool = False) -> tuple[Array, tuple[str, ...]]:
+    def split(
+        self, times: Callable[[Array], Array], scale: Array, *, jacobian: bool = False
+    ) -> tuple[Array, tuple[str, ...], float]:
         """Open directions, scaled and orthonormal (n, k), and the names of the group's that are measured.
 
-        A is H of unit diagonal, or a Jacobian whose square it is: what it has along a direction is zero
-        where it is rounding. A Jacobian's is small enough to show what digits the poses lack.
+        ``times`` multiplies columns by A: H of unit diagonal, or a Jacobian whose square it is. What it has
+        along a direction is zero where it is rounding; the third value says how much it is along all open
+        ones. A Jacobian's is small enough to show what digits the poses lack.
         """
         T = self.tangent / scale[:, None]
         N = independent_columns("poses", T)
         T = T / np.linalg.norm(T, axis=0)
+        A_N, A_T = np.hsplit(times(np.hstack([N, T])), 2)
         least = rounding(len(T))
         if jacobian:
             extent = float(np.std(self.p - self.p.mean(axis=0))) or 1.0
             least *= max(1.0, float(np.abs(self.p).max()) / extent)
-            _, values, vectors = np.linalg.svd(A @ N, full_matrices=False)
-            vectors, along = vectors.T, np.linalg.norm(A @ T, axis=0)
+            _, values, vectors = np.linalg.svd(A_N, full_matrices=False)
+            vectors, along = vectors.T, np.linalg.norm(A_T, axis=0)
         else:
-            values, vectors = np.linalg.eigh(N.T @ (A @ N))
-            along = np.einsum("ij,ij->j", T, A @ T)
+            values, vectors = np.linalg.eigh(N.T @ A_N)
+            along = np.einsum("ij,ij->j", T, A_T)
             if np.any(values < -least):
                 raise IndefiniteError(
                     f"H is not positive semidefinite: {values[0]:.0e} of its diagonal along the gauge"
                 )
-        opened = N @ vectors[:, values <= least]
-        return opened, tuple(name for name, some in zip(self.names, along, strict=True) if some > least)
+        opened = vectors[:, values <= least]
+        measured = tuple(name for name, some in zip(self.names, along, strict=True) if some > least)
+        return N @ opened, measured, float(np.linalg.norm(A_N @ opened))
 
     def covariance(
         self, inverse: Inverse, U: Array, measured: tuple[str, ...], log_det: float, held: Index
@@ -288,7 +289,7 @@ def _scale(diagonal: Array) -> Array:
 def _dense(H: Array, estimate: _Estimate) -> _Found:
     scale = _scale(np.diagonal(H))
     A = H * scale[:, None] * scale
-    N, measured = estimate.split(A, scale)
+    N, measured, _ = estimate.split(lambda B: A @ B, scale)
     try:
         G, N = generalised_inverse(A, N)
     except IndefiniteError:
@@ -309,7 +310,7 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
     scale = _scale(np.einsum("ij,ij->j", J, J))
     A = J * scale
     n = A.shape[1]
-    N, measured = estimate.split(A, scale, jacobian=True)
+    N, measured, leak = estimate.split(lambda B: A @ B, scale, jacobian=True)
     held = _held(N)
     keep = np.setdiff1d(np.arange(n), held)
     R = np.asarray(np.linalg.qr(A[:, keep], mode="r"))
@@ -318,8 +319,8 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
     if not size * rounding(n) <= 1.0:
         error = DegenerateError("more is unobservable than the gauge: the Jacobian has too small a rank")
         raise estimate.refusal(error, measured)
-    if float(np.linalg.norm(A @ N)) * size > _HARMLESS:
-        raise _other_poses(float(np.linalg.norm(A @ N)))
+    if leak * size > _HARMLESS:
+        raise _other_poses(leak)
     G = np.zeros((n, n))
     G[np.ix_(keep, keep)] = inverse @ inverse.T
     log_det = 2.0 * float(np.sum(np.log(np.abs(np.diagonal(R)))) - np.sum(np.log(scale[keep])))
@@ -328,35 +329,18 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
 
 def _sparse(H: Any, estimate: _Estimate) -> _Found:
     scale = _scale(H.diagonal())
-    A = H.copy()
-    A.data *= scale[A.indices] * np.repeat(scale, np.diff(A.indptr))
-    N, measured = estimate.split(A, scale)
+    N, measured, leak = estimate.split(lambda B: scale[:, None] * (H @ (scale[:, None] * B)), scale)
     held = _held(N)
     try:
-        inverse, size = _factorised(A, estimate.layout.nodes, held)
+        inverse = SparseInverse(H, scale, estimate.layout.nodes, held)
     except IndefiniteError:
         raise
     except DegenerateError as error:
         raise estimate.refusal(error, measured) from error
-    leak = float(np.linalg.norm(A @ N))
-    if leak * size > _HARMLESS:
+    if leak * inverse.size > _HARMLESS:
         raise _other_poses(leak)
     log_det = inverse.log_det - 2.0 * float(np.sum(np.log(np.delete(scale, held))))
     return Scaled(inverse, scale), N * scale[:, None], measured, log_det, held
-
-
-def _factorised(A: Any, node: Index, held: Index) -> tuple[BandInverse | SparseInverse, float]:
-    """A with columns held, factorised as a band or sparse, and the largest eigenvalue of the inverse."""
-    rank, order, width = band_order(A, node, _NARROW)
-    if 2.0 * width * len(node) <= _BAND_FILL * A.nnz:
-        try:
-            band = BandInverse(A, order, width, held, lambda: SparseInverse(A, node, held, rank=rank))
-        except ArithmeticError:
-            pass  # the sparse factor says why
-        else:
-            return band, largest_of_inverse(band.solve, band.order, band.n)
-    sparse_inverse = SparseInverse(A, node, held)
-    return sparse_inverse, sparse_inverse.size
 
 
 def _other_poses(leak: float) -> DataError:

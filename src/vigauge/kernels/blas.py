@@ -24,6 +24,8 @@ from .compiled import part
 INT = types.CPointer(types.int32)
 CHAR = types.CPointer(types.uint8)
 DOUBLE = types.CPointer(types.float64)
+# Scratch for the sizes and strides that BLAS and LAPACK take by address.
+Sizes = NDArray[np.int32]
 
 
 def name_symbol(module: str, function: str) -> str:
@@ -45,9 +47,19 @@ _dgemm: Any = types.ExternalFunction(
     types.void(CHAR, CHAR, INT, INT, INT, DOUBLE, DOUBLE, INT, DOUBLE, INT, DOUBLE, DOUBLE, INT),
 )
 
+_dtrsm: Any = types.ExternalFunction(
+    name_symbol("cython_blas", "dtrsm"),
+    types.void(CHAR, CHAR, CHAR, CHAR, INT, INT, DOUBLE, DOUBLE, INT, DOUBLE, INT),
+)
+
 _PLAIN = np.frombuffer(b"N", dtype=np.uint8)
 _TRANSPOSED = np.frombuffer(b"T", dtype=np.uint8)
+_FORMS = np.frombuffer(b"NT", dtype=np.uint8)
+_RIGHT = np.frombuffer(b"R", dtype=np.uint8)
+_LOWER = np.frombuffer(b"L", dtype=np.uint8)
 _ONE = np.ones(1)
+# The factors -1, 0 and 1.
+_FACTORS = np.array([-1.0, 0.0, 1.0])
 
 # Width of the panels that a triangle is made of, a vector of eight. They cost few products more than
 # the triangle has, and half the time of dsyrk where BLAS has kernels for small matrices (measured,
@@ -56,7 +68,77 @@ _PANEL = 8
 
 
 @part
-def add_gram(A: Array, k: int, n: int, first: int, end: int, out: Array, size: NDArray[np.int32]) -> None:
+def multiply(
+    A: Array,
+    stride_A: int,
+    transposed_A: bool,
+    B: Array,
+    stride_B: int,
+    transposed_B: bool,
+    m: int,
+    n: int,
+    k: int,
+    sign: int,
+    keep: int,
+    C: Array,
+    stride_C: int,
+    size: Sizes,
+) -> None:
+    """C <- sign A B + keep C of flat matrices stored column by column, of which C is (m, n).
+
+    A, B may be transposed, k is what they share; sign and keep are -1, 0 or 1. ``size`` (6,) is scratch.
+    """
+    size[0], size[1], size[2], size[3], size[4], size[5] = m, n, k, stride_A, stride_B, stride_C
+    _dgemm(
+        _FORMS[int(transposed_A) :].ctypes,
+        _FORMS[int(transposed_B) :].ctypes,
+        size.ctypes,
+        size[1:].ctypes,
+        size[2:].ctypes,
+        _FACTORS[sign + 1 :].ctypes,
+        A.ctypes,
+        size[3:].ctypes,
+        B.ctypes,
+        size[4:].ctypes,
+        _FACTORS[keep + 1 :].ctypes,
+        C.ctypes,
+        size[5:].ctypes,
+    )
+
+
+@part
+def solve_right(
+    L: Array,
+    stride_L: int,
+    transposed: bool,
+    m: int,
+    n: int,
+    B: Array,
+    stride_B: int,
+    size: Sizes,
+) -> None:
+    """B <- B L^-1, or B L^-T, for L (n, n) lower and B (m, n), both flat and column by column.
+
+    ``size`` (4,) is scratch.
+    """
+    size[0], size[1], size[2], size[3] = m, n, stride_L, stride_B
+    _dtrsm(
+        _RIGHT.ctypes,
+        _LOWER.ctypes,
+        _FORMS[int(transposed) :].ctypes,
+        _PLAIN.ctypes,
+        size.ctypes,
+        size[1:].ctypes,
+        _ONE.ctypes,
+        L.ctypes,
+        size[2:].ctypes,
+        B.ctypes,
+        size[3:].ctypes,
+    )
+
+
+@part
+def add_gram(A: Array, k: int, n: int, first: int, end: int, out: Array, size: Sizes) -> None:
     """Add A_b^T A_b, A_b the columns first..end of A (k, n), to ``out`` (n, n); both flat, row by row.
 
     At least the entries with column >= row are added to. ``size`` (4,) is scratch.

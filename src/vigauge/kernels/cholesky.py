@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 
 from ..geometry.so3 import Array
-from .blas import CHAR, DOUBLE, INT, name_symbol
+from .blas import CHAR, DOUBLE, INT, Sizes, name_symbol
 from .compiled import kernel, part
 
 _dpotrf: Any = types.ExternalFunction(
@@ -25,22 +25,41 @@ _dlauum: Any = types.ExternalFunction(
     name_symbol("cython_lapack", "dlauum"), types.void(CHAR, INT, DOUBLE, INT, INT)
 )
 
+_dpotri: Any = types.ExternalFunction(
+    name_symbol("cython_lapack", "dpotri"), types.void(CHAR, INT, DOUBLE, INT, INT)
+)
+
 _LOWER = np.frombuffer(b"L", dtype=np.uint8)
 _UPPER = np.frombuffer(b"U", dtype=np.uint8)
+
+
+@part
+def factorise_block(A: Array, n: int, stride: int, size: Sizes) -> int:
+    """Overwrite a lower triangle (n, n) in full form by its factor; 0, or the pivot that is not positive.
+
+    Pivots count from 1; this one stays where it stands. ``size`` (3,) is scratch.
+    """
+    size[0], size[1], size[2] = n, stride, 0
+    _dpotrf(_LOWER.ctypes, size.ctypes, A.ctypes, size[1:].ctypes, size[2:].ctypes)
+    return size[2]
 
 
 @kernel
 def factorise(storage: Array, size: int, stride: int, half_bandwidth: int) -> bool:
     """Overwrite the triangle by its factor; whether it is positive definite."""
     n = np.empty(4, dtype=np.int32)
-    n[0], n[1], n[3] = size, half_bandwidth, 0
-    if stride == half_bandwidth:
-        n[2] = stride + 1
-        _dpbtrf(_LOWER.ctypes, n.ctypes, n[1:].ctypes, storage.ctypes, n[2:].ctypes, n[3:].ctypes)
-    else:
-        n[2] = stride
-        _dpotrf(_LOWER.ctypes, n.ctypes, storage.ctypes, n[2:].ctypes, n[3:].ctypes)
+    if stride != half_bandwidth:
+        return factorise_block(storage, size, stride, n) == 0
+    n[0], n[1], n[2], n[3] = size, half_bandwidth, stride + 1, 0
+    _dpbtrf(_LOWER.ctypes, n.ctypes, n[1:].ctypes, storage.ctypes, n[2:].ctypes, n[3:].ctypes)
     return n[3] == 0
+
+
+@part
+def invert_block(L: Array, n: int, stride: int, size: Sizes) -> None:
+    """Overwrite a factor in full form by the lower triangle of (L L^T)^-1; ``size`` (3,) is scratch."""
+    size[0], size[1], size[2] = n, stride, 0
+    _dpotri(_LOWER.ctypes, size.ctypes, L.ctypes, size[1:].ctypes, size[2:].ctypes)
 
 
 @part

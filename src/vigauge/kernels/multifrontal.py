@@ -1,0 +1,216 @@
+"""Cholesky factor of a large sparse matrix by fronts, solutions with it, and chosen entries of the inverse.
+
+A front has its columns J and the rows B below that they reach. Its panel, columns of L over J and B, stands
+column by column in a storage, as LAPACK takes it; see :class:`.elimination.Fronts`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.so3 import Array
+from .blas import Sizes, add_gram, multiply, solve_right
+from .cholesky import factorise_block, invert_block
+from .compiled import kernel, part
+from .elimination import Fronts
+from .lanes import Index
+
+
+@kernel
+def factorise(
+    fronts: Fronts,
+    begin: Index,
+    row: Index,
+    data: Array,
+    scale: Array,
+    order: Index,
+    place: Index,
+    lift: float,
+    out: Array,
+) -> tuple[int, float]:
+    """Fill in the panels of L, of D A D + lift I with D = diag(scale) and A in compressed columns.
+
+    ``order`` names the columns of A in elimination order, ``place`` (n,) is its inverse, -1 for columns left
+    out. Returns -1 and 0, or the place and size of a pivot that is not positive.
+    """
+    count = len(fronts.parent)
+    largest, top, peak = 0, 0, 0
+    waiting = np.zeros(count + 1, np.int64)
+    for f in range(count):
+        b = fronts.begin[f + 1] - fronts.begin[f]
+        largest = max(largest, fronts.start[f + 1] - fronts.start[f] + b)
+        # The last entry is never asked for.
+        waiting[fronts.parent[f]] += b * b
+        top += b * b - waiting[f]
+        peak = max(peak, top)
+    # What eliminated fronts take from later ones, lower triangles, those of a front's children last.
+    taken, pending, depth, top = np.empty(peak), np.empty(count, np.int64), 0, 0
+    whole, spot = np.empty(largest * largest), np.empty(len(order), np.int64)
+    size = np.empty(4, np.int32)
+    for f in range(count):
+        start, stop = fronts.start[f], fronts.start[f + 1]
+        rows = fronts.rows[fronts.begin[f] : fronts.begin[f + 1]]
+        s, b = stop - start, len(rows)
+        m = s + b
+        whole[: m * m] = 0.0
+        while depth and fronts.parent[pending[depth - 1]] == f:
+            depth -= 1
+            child = pending[depth]
+            at = fronts.relative[fronts.begin[child] : fronts.begin[child + 1]]
+            top -= len(at) * len(at)
+            for c in range(len(at)):
+                for r in range(c, len(at)):
+                    whole[at[c] * m + at[r]] += taken[top + c * len(at) + r]
+        panel = out[fronts.panel[f] : fronts.panel[f + 1]]
+        for c in range(s):
+            for r in range(c, m):
+                panel[c * m + r] = -whole[c * m + r]
+        for t in range(b):
+            spot[rows[t]] = s + t
+        for c in range(s):
+            column = order[start + c]
+            for e in range(begin[column], begin[column + 1]):
+                at_row = place[row[e]]
+                if at_row >= start + c:
+                    r = at_row - start if at_row < stop else spot[at_row]
+                    panel[c * m + r] += data[e] * scale[column] * scale[row[e]]
+            panel[c * m + c] += lift
+        wrong = factorise_block(panel, s, m, size)
+        if wrong:
+            return start + wrong - 1, panel[(wrong - 1) * (m + 1)]
+        if b:
+            solve_right(panel, m, True, b, s, panel[s:], m, size)
+            add_gram(panel, s, m, s, m, whole, size)
+            for c in range(b):
+                for r in range(c, b):
+                    taken[top + c * b + r] = whole[(s + c) * m + s + r]
+            top += b * b
+            pending[depth] = f
+            depth += 1
+    return -1, 0.0
+
+
+@part
+def _forward(fronts: Fronts, panels: Array, f: int, c: int, X: Array, some: Array, size: Sizes) -> None:
+    """One front of X <- L^-1 X, for X (n, c) flat, row by row."""
+    start, s = fronts.start[f], fronts.start[f + 1] - fronts.start[f]
+    rows = fronts.rows[fronts.begin[f] : fronts.begin[f + 1]]
+    panel, m, own = panels[fronts.panel[f] :], s + len(rows), X[start * c :]
+    solve_right(panel, m, True, c, s, own, c, size)
+    if len(rows):
+        multiply(own, c, False, panel[s:], m, True, c, len(rows), s, 1, 0, some, c, size)
+        for t in range(len(rows)):
+            for k in range(c):
+                X[rows[t] * c + k] -= some[t * c + k]
+
+
+@kernel
+def solve(fronts: Fronts, panels: Array, X: Array) -> None:
+    """Replace right-hand sides (n, c) by the solutions."""
+    c = X.shape[1]
+    flat, some, size = X.reshape(-1), np.empty(X.size), np.empty(6, np.int32)
+    for f in range(len(fronts.parent)):
+        _forward(fronts, panels, f, c, flat, some, size)
+    for f in range(len(fronts.parent) - 1, -1, -1):
+        start, s = fronts.start[f], fronts.start[f + 1] - fronts.start[f]
+        rows = fronts.rows[fronts.begin[f] : fronts.begin[f + 1]]
+        panel, m, own = panels[fronts.panel[f] :], s + len(rows), flat[start * c :]
+        for t in range(len(rows)):
+            for k in range(c):
+                some[t * c + k] = flat[rows[t] * c + k]
+        if len(rows):
+            multiply(some, c, False, panel[s:], m, False, c, s, len(rows), -1, 1, own, c, size)
+        solve_right(panel, m, False, c, s, own, c, size)
+
+
+@kernel
+def gram(fronts: Fronts, panels: Array, path: Index, X: Array, out: Array) -> None:
+    """Add X^T A^-1 X to ``out`` (c, c), for X (n, c) that is zero outside some fronts and overwritten.
+
+    ``path`` are these fronts and all that they lead to, in elimination order.
+    """
+    c = X.shape[1]
+    flat, some, size = X.reshape(-1), np.empty(X.size), np.empty(6, np.int32)
+    for f in path:
+        _forward(fronts, panels, f, c, flat, some, size)
+        start, s = fronts.start[f], fronts.start[f + 1] - fronts.start[f]
+        own = flat[start * c :]
+        multiply(own, c, False, own, c, True, c, c, s, 1, 1, out.reshape(-1), c, size)
+
+
+@kernel
+def select(fronts: Fronts, panels: Array, out: Array) -> None:
+    """Entries of the inverse Z that stand where the panels have entries: both triangles of J, and B below.
+
+    With Y = L_BJ L_JJ^-1, last front first (Takahashi, Fagan and Chin 1973):
+    Z_BJ = -Z_BB Y and Z_JJ = (L_JJ L_JJ^T)^-1 - Y^T Z_BJ. Z_BB lies inside the parent.
+    """
+    count = len(fronts.parent)
+    peak, largest = np.zeros(count + 1, np.int64), 0
+    children = np.zeros(count + 1, np.int64)
+    for f in range(count - 1, -1, -1):
+        m = fronts.start[f + 1] - fronts.start[f] + fronts.begin[f + 1] - fronts.begin[f]
+        peak[f] = peak[fronts.parent[f]] + m * m
+        largest = max(largest, fronts.panel[f + 1] - fronts.panel[f])
+        children[fronts.parent[f]] += 1
+    # Z over all rows of the fronts between the one at work and the root.
+    wholes, Y, size = np.empty(peak.max()), np.empty(largest), np.empty(6, np.int32)
+    for f in range(count - 1, -1, -1):
+        parent, s = fronts.parent[f], fronts.start[f + 1] - fronts.start[f]
+        at = fronts.relative[fronts.begin[f] : fronts.begin[f + 1]]
+        panel, b = panels[fronts.panel[f] : fronts.panel[f + 1]], len(at)
+        m = s + b
+        Z = wholes[peak[parent] : peak[f]]
+        for c in range(s):
+            for r in range(c, s):
+                Z[c * m + r] = panel[c * m + r]
+            for r in range(b):
+                Y[c * b + r] = panel[c * m + s + r]
+        invert_block(Z, s, m, size)
+        for c in range(s):
+            for r in range(c):
+                Z[c * m + r] = Z[r * m + c]
+        if b:
+            width = fronts.start[parent + 1] - fronts.start[parent]
+            width += fronts.begin[parent + 1] - fronts.begin[parent]
+            above = wholes[peak[fronts.parent[parent]] : peak[parent]]
+            for c in range(b):
+                for r in range(b):
+                    Z[(s + c) * m + s + r] = above[at[c] * width + at[r]]
+            solve_right(panel, m, False, b, s, Y, b, size)
+            multiply(Z[s * (m + 1) :], m, False, Y, b, False, b, s, b, -1, 0, Z[s:], m, size)
+            multiply(Y, b, True, Z[s:], m, False, s, s, b, -1, 1, Z, m, size)
+            for c in range(s):
+                for r in range(c):
+                    Z[c * m + r] = Z[r * m + c] = 0.5 * (Z[c * m + r] + Z[r * m + c])
+                if children[f]:
+                    for r in range(s, m):
+                        Z[r * m + c] = Z[c * m + r]
+        out[fronts.panel[f] : fronts.panel[f + 1]] = Z[: s * m]
+
+
+@kernel
+def blocks(fronts: Fronts, selected: Array, owner: Index, at: Index, out: Array) -> Index:
+    """Fill in ``out`` (m, c, c) with the entries of the inverse over places ``at`` (m, c), -1 for zeros.
+
+    ``owner`` (n,) front of each place. Returns the sets of which entries were not selected.
+    """
+    missing = np.zeros(len(at), np.bool_)
+    for k in range(len(at)):
+        for i in range(at.shape[1]):
+            for j in range(i + 1):
+                low, high = min(at[k, i], at[k, j]), max(at[k, i], at[k, j])
+                value = 0.0
+                if low >= 0:
+                    f = owner[low]
+                    start, stop = fronts.start[f], fronts.start[f + 1]
+                    rows = fronts.rows[fronts.begin[f] : fronts.begin[f + 1]]
+                    r = high - start
+                    if high >= stop:
+                        r = np.searchsorted(rows, high)
+                        missing[k] |= r == len(rows) or rows[r] != high
+                        r += stop - start
+                    if not missing[k]:
+                        value = selected[fronts.panel[f] + (low - start) * (stop - start + len(rows)) + r]
+                out[k, i, j] = out[k, j, i] = value
+    return np.flatnonzero(missing)
