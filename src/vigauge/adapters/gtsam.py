@@ -52,15 +52,20 @@ def covariance(
     keys = sorted(found.keys() - set(points), key=lambda key: (ranks.index(found[key][0]), key))
     blocks: dict[str, Index] = {}
     R, p, v = np.tile(np.eye(3), (len(keys), 1, 1)), np.zeros((len(keys), 3)), np.zeros((len(keys), 3))
-    for row, key in enumerate(keys):
-        kind, value = found[key]
-        parts = KINDS[kind][1]
-        for name, columns in zip(parts, np.split(at[key], np.cumsum([*parts.values()])[:-1]), strict=True):
-            blocks.setdefault(name, np.full((len(keys), len(columns)), -1))[row] = columns
+    for kind, (_, parts) in KINDS.items():
+        rows = [row for row, key in enumerate(keys) if found[key][0] == kind]
+        if not rows:
+            continue
+        value = np.array([found[keys[row]][1] for row in rows])
+        column = np.array([at[keys[row]] for row in rows])
+        for name, columns in zip(
+            parts, np.split(column, np.cumsum([*parts.values()])[:-1], axis=1), strict=True
+        ):
+            blocks.setdefault(name, np.full((len(keys), columns.shape[1]), -1))[rows] = columns
         if kind.startswith("Pose"):
-            R[row], p[row] = value[:3, :3], value[:3, 3]
+            R[rows], p[rows] = value[:, :3, :3], value[:, :3, 3]
         elif kind == "velocity":
-            v[row] = value
+            v[rows] = value
     no_pose = np.array([not found[key][0].startswith("Pose") for key in keys])
     p[no_pose] = p[~no_pose].mean(axis=0)  # these have no columns; the middle stays where it is
     X = np.reshape([found[key][1] for key in points], (-1, 3))

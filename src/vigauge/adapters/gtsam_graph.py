@@ -10,6 +10,7 @@ import scipy.sparse as sparse
 
 from ..errors import DataError, MissingExtraError
 from ..gauge.layout import Index
+from ..geometry.so3 import Array
 
 try:
     import gtsam
@@ -35,10 +36,14 @@ def variables(graph: Any, values: Any) -> dict[int, tuple[str, Any]]:
     return {key: _value(values, key) for key in sorted(graph.keyVector())}
 
 
+def _name(key: int) -> str:
+    return f"variable {gtsam.DefaultKeyFormatter(key)}"
+
+
 def _value(values: Any, key: int) -> tuple[str, Any]:
-    name, told = f"variable {gtsam.DefaultKeyFormatter(key)}", ""
     if not values.exists(key):
-        raise DataError("values", "must have every variable of the graph", field=name)
+        raise DataError("values", "must have every variable of the graph", field=_name(key))
+    told = ""
     for kind, (read, _) in KINDS.items():
         try:
             return kind, read(values, key)
@@ -46,20 +51,22 @@ def _value(values: Any, key: int) -> tuple[str, Any]:
             told = str(error)
     stored = re.search(r"GenericValue<(.*?)> ", told)
     rule = "must be Pose3, Pose2, a velocity (3), imuBias.ConstantBias or Point3"
-    raise DataError("values", rule, field=name, value=stored[1] if stored else told)
+    raise DataError("values", rule, field=_name(key), value=stored[1] if stored else told)
 
 
 def linearised(
     linear: Any, found: dict[int, tuple[str, Any]], at: dict[int, Index], n: int
 ) -> tuple[Any, list[int]]:
     """H (n, n) sparse, and the keys of the 3-vectors that are points, not velocities."""
+    votes: dict[int, set[str]] = {key: set() for key, (kind, _) in found.items() if kind == "velocity"}
     # How each variable moves under a shift of the world, were 3-vectors velocities.
-    shift = {key: np.zeros((len(columns), 3)) for key, columns in at.items()}
-    for key, (kind, value) in found.items():
+    shift = {key: np.zeros((len(columns), 3)) for key, columns in at.items()} if votes else {}
+    for key in shift:
+        kind, value = found[key]
         if kind == "Pose3":
             shift[key][3:] = value[:3, :3].T
-    votes: dict[int, set[str]] = {key: set() for key, (kind, _) in found.items() if kind == "velocity"}
-    entries, rows, columns = [np.zeros(0)], [np.zeros(0, int)], [np.zeros(0, int)]
+    # Columns and information of the factors, by their number of columns.
+    factors: dict[int, tuple[list[Index], list[Array]]] = {}
     for index in range(linear.size()):
         factor = linear.at(index)
         if factor is None or not factor.size():
@@ -69,9 +76,9 @@ def linearised(
             raise DataError("graph", rule, row=index)
         own = list(factor.keys())
         where, information = np.concatenate([at[key] for key in own]), factor.information()
-        entries.append(information.ravel())
-        rows.append(np.repeat(where, len(where)))
-        columns.append(np.tile(where, len(where)))
+        of_this_size = factors.setdefault(len(where), ([], []))
+        of_this_size[0].append(where)
+        of_this_size[1].append(information)
         vectors = [key for key in own if key in votes]
         if vectors and any(found[key][0] == "Pose3" for key in own):
             moved = [np.concatenate([shift[key] for key in own])]
@@ -83,7 +90,10 @@ def linearised(
     for key, said in votes.items():
         if len(said) != 1:
             rule = "must be a velocity or a point by its factors with poses"
-            name = f"variable {gtsam.DefaultKeyFormatter(key)}"
-            raise DataError("graph", rule, field=name, value=sorted(said) or "no such factor")
-    triplets = np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))
-    return sparse.csc_array(triplets, shape=(n, n)), [key for key, said in votes.items() if "point" in said]
+            raise DataError("graph", rule, field=_name(key), value=sorted(said) or "no such factor")
+    H = sparse.csc_array((n, n))
+    for size, (where, information) in factors.items():
+        rows = np.repeat(where, size, axis=1).ravel()
+        columns = np.tile(where, size).ravel()
+        H = H + sparse.csc_array((np.ravel(information), (rows, columns)), shape=(n, n))
+    return H, [key for key, said in votes.items() if "point" in said]
