@@ -171,8 +171,12 @@ def sparse_symmetric(what: str, value: Any, n: int) -> Any:
         row = int(np.argmin(diagonal))
         rule = "must have a diagonal without negative entries"
         raise DataError(what, rule, row=row, value=float(diagonal[row]))
+    other = matrix.T.tocsc()
+    parts = ("indptr", "indices", "data")
+    if all(np.array_equal(getattr(matrix, part), getattr(other, part)) for part in parts):
+        return matrix  # to the last digit: the difference would take longer than the test
     size = np.sqrt(np.maximum(diagonal, _HELD * float(diagonal.max(initial=0.0))))
-    difference = (matrix - matrix.T).tocoo()
+    difference = (matrix - other).tocoo()
     excess = np.abs(difference.data) - _ASYMMETRY * size[difference.row] * size[difference.col]
     if excess.max(initial=0.0) > 0.0:
         at = int(np.argmax(excess))

@@ -48,26 +48,28 @@ def covariance(
     for key, (kind, _) in found.items():
         at[key] = np.arange(n, n := n + sum(KINDS[kind][1].values()))
     H, points = linearised(graph.linearize(values), found, at, n)
-    ranks = list(KINDS)  # a gauge that holds the first keyframe holds a pose
-    keys = sorted(found.keys() - set(points), key=lambda key: (ranks.index(found[key][0]), key))
+    # Poses are first: a gauge that holds the first keyframe holds one.
+    by_kind: dict[str, list[int]] = {kind: [] for kind in KINDS if kind in kinds}
+    for key in sorted(found.keys() - set(points)):
+        by_kind[found[key][0]].append(key)
+    keys = [key for own in by_kind.values() for key in own]
     blocks: dict[str, Index] = {}
     R, p, v = np.tile(np.eye(3), (len(keys), 1, 1)), np.zeros((len(keys), 3)), np.zeros((len(keys), 3))
-    for kind, (_, parts) in KINDS.items():
-        rows = [row for row, key in enumerate(keys) if found[key][0] == kind]
-        if not rows:
+    stop = poses = 0
+    for kind, own in by_kind.items():
+        rows, stop = slice(stop, stop + len(own)), stop + len(own)
+        if not own:
             continue
-        value = np.array([found[keys[row]][1] for row in rows])
-        column = np.array([at[keys[row]] for row in rows])
-        for name, columns in zip(
-            parts, np.split(column, np.cumsum([*parts.values()])[:-1], axis=1), strict=True
-        ):
-            blocks.setdefault(name, np.full((len(keys), columns.shape[1]), -1))[rows] = columns
+        columns = np.array([at[key] for key in own])
+        for name, width in KINDS[kind][1].items():
+            blocks.setdefault(name, np.full((len(keys), width), -1))[rows] = columns[:, :width]
+            columns = columns[:, width:]
         if kind.startswith("Pose"):
+            value, poses = np.array([found[key][1] for key in own]), stop
             R[rows], p[rows] = value[:, :3, :3], value[:, :3, 3]
         elif kind == "velocity":
-            v[rows] = value
-    no_pose = np.array([not found[key][0].startswith("Pose") for key in keys])
-    p[no_pose] = p[~no_pose].mean(axis=0)  # these have no columns; the middle stays where it is
+            v[rows] = [found[key][1] for key in own]
+    p[poses:] = p[:poses].mean(axis=0)  # these have no columns; the middle stays where it is
     X = np.reshape([found[key][1] for key in points], (-1, 3))
     place = np.reshape([at[key] for key in points], (-1, 3)).astype(np.int64)
     layout = Layout(n, blocks, place, "gtsam", keys=keys, point_keys=points)

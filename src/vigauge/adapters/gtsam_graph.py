@@ -79,7 +79,7 @@ def linearised(
         of_this_size = factors.setdefault(len(where), ([], []))
         of_this_size[0].append(where)
         of_this_size[1].append(information)
-        vectors = [key for key in own if key in votes]
+        vectors = [key for key in own if key in votes] if votes else []
         if vectors and any(found[key][0] == "Pose3" for key in own):
             moved = [np.concatenate([shift[key] for key in own])]
             moved.append(np.concatenate([np.eye(3) if key in votes else shift[key] for key in own]))
@@ -92,8 +92,7 @@ def linearised(
             rule = "must be a velocity or a point by its factors with poses"
             raise DataError("graph", rule, field=_name(key), value=sorted(said) or "no such factor")
     H = sparse.csc_array((n, n))
-    for size, (where, information) in factors.items():
-        rows = np.repeat(where, size, axis=1).ravel()
-        columns = np.tile(where, size).ravel()
-        H = H + sparse.csc_array((np.ravel(information), (rows, columns)), shape=(n, n))
+    for size, (own_columns, entries) in factors.items():
+        rows, columns = np.repeat(own_columns, size, axis=1), np.tile(own_columns, size)
+        H = H + sparse.csc_array((np.ravel(entries), (rows.ravel(), columns.ravel())), shape=(n, n))
     return H, [key for key, said in votes.items() if "point" in said]

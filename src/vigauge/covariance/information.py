@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 import scipy.linalg.lapack as lapack
 import scipy.sparse as sparse
 
@@ -210,7 +209,8 @@ class _Estimate:
         T = self.tangent / scale[:, None]
         N = independent_columns("poses", T)
         T = T / np.linalg.norm(T, axis=0)
-        A_N, A_T = np.hsplit(times(np.hstack([N, T])), 2)
+        A_N = times(N)
+        A_T = A_N @ (N.T @ T)
         least = rounding(len(T))
         if jacobian:
             extent = float(np.std(self.p - self.p.mean(axis=0))) or 1.0
@@ -274,7 +274,7 @@ def _held(N: Array) -> Index:
     """Rows of N (n, k) that are far from dependent: holding them stops every open direction."""
     if not N.shape[1]:
         return np.empty(0, dtype=np.int64)
-    _, _, pivots = scipy.linalg.qr(N.T, mode="economic", pivoting=True)
+    pivots = lapack.dgeqp3(N.T)[1] - 1
     return np.sort(pivots[: N.shape[1]]).astype(np.int64)
 
 

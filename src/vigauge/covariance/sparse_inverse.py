@@ -83,8 +83,11 @@ class SparseInverse:
 
     def _largest(self) -> float:
         """Largest eigenvalue of G, by inverse iteration; DegenerateError where A is singular to rounding."""
-        X: Array = np.random.default_rng(0).standard_normal((len(self.order), 4))
-        for _ in range(3):
+        X, every = np.zeros((len(self.order), 4)), np.arange(len(self.order))
+        # Random, and orthogonal to begin with: each row has one entry.
+        X[every, every % 4] = np.random.default_rng(0).standard_normal(len(X))
+        multifrontal.solve(self._fronts, self._panels, X)
+        for _ in range(2):
             X = np.linalg.qr(X)[0]
             multifrontal.solve(self._fronts, self._panels, X)
         size = float(np.linalg.norm(X, 2)) if len(X) else 0.0
