@@ -2,8 +2,12 @@
 
 import dataclasses
 import importlib
+import inspect
 import pkgutil
+import re
+import sys
 
+import pytest
 import yaml
 
 from support import ROOT
@@ -31,6 +35,15 @@ def test_every_experiment_is_cited_or_drawn() -> None:
     cited = {name for claim in CLAIMS for name in claim.evidence} | {"bias_hypothesis", *FIGURES}
     assert set(EXPERIMENTS) <= cited
     assert set(reasons()) <= set(EXPERIMENTS)
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=EXPERIMENTS)
+def test_an_experiment_waits_for_all_that_it_reads(experiment: Experiment) -> None:
+    """Catches an experiment that is given no files, and so writes a table without rows."""
+    source = inspect.getsource(sys.modules[experiment.rows.__module__])
+    by_method = {"trials": "problems", "truth": "truths"}
+    read = {by_method.get(name, name) for name in re.findall(r"material\.(\w+)", source)}
+    assert read & {"problems", "truths", "covariances", "sweep_trace"} == set(experiment.reads)
 
 
 def test_configuration_has_the_settings_of_every_experiment() -> None:
