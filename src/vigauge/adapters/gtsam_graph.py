@@ -93,6 +93,7 @@ def linearised(
             raise DataError("graph", rule, field=_name(key), value=sorted(said) or "no such factor")
     H = sparse.csc_array((n, n))
     for size, (own_columns, entries) in factors.items():
-        rows, columns = np.repeat(own_columns, size, axis=1), np.tile(own_columns, size)
+        columns = np.tile(np.array(own_columns), size)
+        rows = columns.reshape(-1, size, size).swapaxes(1, 2)
         H = H + sparse.csc_array((np.ravel(entries), (rows.ravel(), columns.ravel())), shape=(n, n))
     return H, [key for key, said in votes.items() if "point" in said]

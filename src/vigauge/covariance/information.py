@@ -27,7 +27,7 @@ from .sparse_inverse import SparseInverse
 _HARMLESS = 1e-3
 # Largest share of a point's information that its coupling may lack.
 _FOREIGN = 1e-6
-# Below, a matrix is inverted dense: never slower (measured).
+# Up to so many columns a matrix is inverted dense, and no Jacobian squared: 20 ms at most (measured).
 _SMALL = 400
 # Share of a direction's square that makes it one of the group's own.
 _OWN = 1.0 - 1e-6
