@@ -45,7 +45,8 @@ class EstimateCovariance:
     tangent : (n, d) directions along which the group moves the estimate
     U : (n, k) those that H does not see, the null space of H
     measured : names of the group's directions that H has information along
-    open : names of the k open directions; "combination of x, y, yaw" where those are mixed
+    open : names of the k open directions; "combination of x, y, yaw" where those are mixed. Where there are
+        none H has a plain inverse, which is the answer in every gauge, and no gauge is looked at
     log_det_held, held : log det of H without k columns, and these columns
     whole : False for a Schur complement that came without its points
     """

@@ -1,10 +1,14 @@
 """Turns against the gyroscope: clocks, axes, units and bias come out as they were put in."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from vigauge.geometry import so3
 from vigauge.model.imu import ImuSamples
+from vigauge.recordings.checks.findings import Findings
+from vigauge.recordings.checks.truth import _judge_turns
 from vigauge.recordings.checks.turning import GyroRotation, Turns, compare_turns
 
 START_NS = 1_403_636_580_763_555_584
@@ -42,17 +46,20 @@ def test_offset_and_bias_are_found(offset_ms: float) -> None:
     np.testing.assert_allclose(fit.gyro_bias, BIAS, atol=2e-3)
 
 
-def test_deviation_of_the_offset_is_that_of_repeated_draws() -> None:
+@pytest.mark.parametrize(
+    ("R_BS", "value"), [(np.eye(3), "offset_s"), (so3.exp(np.radians([1.0, -2.0, 0.5])), "axes_deg")]
+)
+def test_deviations_are_those_of_repeated_draws(R_BS: np.ndarray, value: str) -> None:
     """A deviation that is believed but several times too small or too large."""
     clean = turns()
     errors, sigmas = [], []
     for seed in range(60):
         noise = 1e-3 * np.random.default_rng(seed).standard_normal(clean.phi_S.shape)
-        noisy = Turns(clean.first_ns, clean.second_ns, clean.phi_S + noise, clean.R_BS)
+        noisy = Turns(clean.first_ns, clean.second_ns, clean.phi_S + noise, R_BS)
         fit = compare_turns(GyroRotation(samples()), noisy)
         assert fit is not None
-        errors.append(fit.offset_s)
-        sigmas.append(fit.offset_sigma_s)
+        errors.append(getattr(fit, value))
+        sigmas.append(getattr(fit, value.replace("_", "_sigma_")))
     assert 0.7 < np.std(errors) / np.mean(sigmas) < 1.4
 
 
@@ -102,3 +109,14 @@ def test_one_axis_only_leaves_axes_unknown() -> None:
     seen = Turns(first, first + 200_000_000, gyro.turned(first, first + 200_000_000), np.eye(3))
     fit = compare_turns(gyro, seen)
     assert fit is not None and np.isnan(fit.axes_deg)
+
+
+@pytest.mark.parametrize(("sigma_deg", "warned"), [(0.1, True), (0.3, False)])
+def test_axes_within_their_deviation_are_not_called_off(sigma_deg: float, warned: bool) -> None:
+    """A warning about noise: 0.9 deg are no more than 0.5 where they are known to 0.3."""
+    gyro, seen, out = GyroRotation(samples()), turns(), Findings("x")
+    fit = compare_turns(gyro, seen)
+    assert fit is not None
+    fit = replace(fit, axes_deg=0.9, axes_sigma_deg=sigma_deg)
+    _judge_turns("truth", fit, gyro, seen.first_ns, gyro.at(seen.first_ns), out)
+    assert any("axes 0.90 deg" in found.message for found in out.of("warning")) == warned

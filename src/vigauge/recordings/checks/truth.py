@@ -19,6 +19,8 @@ _INTERVAL_S, _MOST_INTERVALS = 0.25, 400
 # A good truth has the gyroscope's axes within hundredths of a degree over seconds of motion; half a degree is
 # as much as two seconds of bias error at 0.004 rad/s, and tilts gravity by 0.09 m/s^2.
 AXES_WARNING_DEG = 0.5
+# A warning is given where the angle is larger by this many of its standard deviations.
+_SURE = 2.0
 # Nothing but another convention or another body turns the axes this far.
 AXES_ERROR_DEG = 10.0
 # Share of the turns that the fit may leave over before the two are not the same motion.
@@ -153,6 +155,7 @@ def _judge_turns(
         gyro_offset_ms=1e3 * fit.offset_s,
         gyro_offset_sigma_ms=1e3 * fit.offset_sigma_s,
         gyro_axes_deg=fit.axes_deg,
+        gyro_axes_sigma_deg=fit.axes_sigma_deg,
         gyro_scale=fit.scale,
         gyro_residual_deg=float(np.degrees(fit.rms_rad)),
         gyro_bias_radps=fit.gyro_bias,
@@ -164,12 +167,12 @@ def _judge_turns(
             + _explanation(gyro, t_ns, R_WB, fit.rms_rad),
         )
         return False
-    if fit.axes_deg > AXES_WARNING_DEG:
+    if fit.axes_deg > AXES_WARNING_DEG + _SURE * fit.axes_sigma_deg:
         out.warn(
             "truth rotation",
             f"the orientation of {name} is off: its turns have axes {fit.axes_deg:.2f} deg from those of "
-            f"the gyroscope (limit {AXES_WARNING_DEG:g}). Do not evaluate rotations against it, nor take "
-            "accelerometer biases from it",
+            f"the gyroscope (standard deviation {fit.axes_sigma_deg:.2f}, limit {AXES_WARNING_DEG:g}). Do "
+            "not evaluate rotations against it, nor take accelerometer biases from it",
         )
     if abs(fit.offset_s) > max(OFFSET_WARNING_S, 3.0 * fit.offset_sigma_s):
         out.warn(

@@ -92,6 +92,7 @@ class TurnFit:
     # Angle between the sensor's axes as calibrated and as its turns say; NaN where it turns about one axis
     # only.
     axes_deg: float
+    axes_sigma_deg: float  # its standard deviation, by what the fit leaves over
     gyro_bias: Array  # (3,) rad/s, the mean over the record
     rms_rad: float  # residual with the calibrated axes, scale 1, the offset and the bias above
 
@@ -106,11 +107,14 @@ def compare_turns(gyro: GyroRotation, turns: Turns) -> TurnFit | None:
     if len(turns.phi_S) < LEAST_TURNS or turns.rms_rad < LEAST_TURN_RAD:
         return None
     offset, _ = _best_offset(gyro, turns, free_axes=True)
-    A, _, _ = _fit(gyro, turns, offset, free_axes=True)
-    scale, axes_deg = _scale_and_axes(A, turns)
+    A, _, left = _fit(gyro, turns, offset, free_axes=True)
+    scale, axes = _scale_and_axes(A, turns)
+    axes_deg, axes_sigma_deg = (
+        float(np.degrees(x)) for x in (np.linalg.norm(axes), _sigma(axes, turns, left))
+    )
     offset, sigma = _best_offset(gyro, turns, free_axes=False)
     _, bias, residual = _fit(gyro, turns, offset, free_axes=False)
-    return TurnFit(len(turns.phi_S), offset, sigma, scale, axes_deg, bias, _rms(residual))
+    return TurnFit(len(turns.phi_S), offset, sigma, scale, axes_deg, axes_sigma_deg, bias, _rms(residual))
 
 
 def _rms(residual: Array) -> float:
@@ -170,14 +174,29 @@ def _best_offset(gyro: GyroRotation, turns: Turns, *, free_axes: bool) -> tuple[
     return float(offsets[best] + move * STEP_S), sigma
 
 
-def _scale_and_axes(A: Array, turns: Turns) -> tuple[float, float]:
-    """Scale of A where the sensor turns, and the angle between R_BS and the rotation in A."""
+def _scale_and_axes(A: Array, turns: Turns) -> tuple[float, Array]:
+    """Scale of A where the sensor turns, and the rotation vector in B from R_BS to the rotation in A."""
     expected = turns.phi_S @ A.T
     scale = float(np.linalg.norm(expected) / np.linalg.norm(turns.phi_S))
     spread = np.linalg.svd(turns.phi_S, compute_uv=False) / np.sqrt(len(turns.phi_S))
     if spread[1] < LEAST_TURN_RAD / 2.0:
-        return scale, float("nan")
+        return scale, np.full(3, np.nan)
     # The rotation that carries the sensor's turns onto the gyroscope's (Wahba, by SVD).
     left, _, right = np.linalg.svd(expected.T @ turns.phi_S)
     R = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
-    return scale, float(np.degrees(np.linalg.norm(so3.log(R @ turns.R_BS.T))))
+    return scale, so3.log(R @ turns.R_BS.T)
+
+
+def _sigma(axes: Array, turns: Turns, left: Array) -> float:
+    """Standard deviation of the length of a rotation vector ``axes``, rad, found beside a constant bias.
+
+    ``left`` (P, 3) is what the fit of free axes leaves over.
+    """
+    dt = (turns.second_ns - turns.first_ns)[:, None, None] * 1e-9
+    by_axes = -so3.hat(turns.phi_S @ turns.R_BS.T)
+    J = np.concatenate([by_axes, dt * np.eye(3)], axis=2).reshape(-1, 6)
+    information, directions = np.linalg.eigh(J.T @ J)
+    along = axes / max(float(np.linalg.norm(axes)), 1e-300) @ directions[:3]
+    variance = np.sum(left**2) / max(left.size - 13, 1)
+    # Turns that hardly change their axis leave it open along that: next to no information.
+    return float(np.sqrt(variance * np.sum(along**2 / np.maximum(information, 1e-30))))
