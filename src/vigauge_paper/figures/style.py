@@ -63,6 +63,9 @@ _STYLE = {
     "savefig.dpi": 200,
 }
 
+# Of the pictures for a phone: its screen shows no more, and the page holds them too.
+NARROW_DPI = 140
+
 
 @contextmanager
 def new_figure(
@@ -86,7 +89,7 @@ def save_figure(figure: Figure, stem: str | os.PathLike[str]) -> None:
     _write(figure, Path(f"{stem}.pdf"), {"CreationDate": None, "Producer": None, "Creator": None})
     _write(figure, png, {"Software": None})
     stack(figure, COLUMN)
-    _write(figure, narrow(png), {"Software": None})
+    _write(figure, narrow(png), {"Software": None}, dpi=NARROW_DPI)
 
 
 def narrow(png: Path) -> Path:
@@ -94,9 +97,9 @@ def narrow(png: Path) -> Path:
     return png.parent / "narrow" / png.name
 
 
-def _write(figure: Figure, file: Path, metadata: dict[str, None]) -> None:
+def _write(figure: Figure, file: Path, metadata: dict[str, None], **options: Any) -> None:
     with atomic_path(file) as temporary:
-        figure.savefig(temporary, metadata=metadata)
+        figure.savefig(temporary, metadata=metadata, **options)
 
 
 def draw_withheld(stem: str | os.PathLike[str], why: str, rendered: bool) -> None:
