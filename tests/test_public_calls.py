@@ -134,10 +134,11 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "orbit_tangent": (vg.orbit_tangent, {"state": STATE}),
     "preintegrate": (vg.preintegrate, {"samples": SAMPLES, "t_start_ns": 0, "t_end_ns": 10**8, "noise": NOISE, "largest_gap_s": 0.1}),
     "project_covariance": (vg.project_covariance, {"covariance": FREE, "U": U, "V": FIX.normal(STATE), "H": H}),
-    "reintegrate": (partial(vg.reintegrate, CHAINED), {"state": CHAINED.initial, "samples": SAMPLES, "times_ns": TIMES, "noise": NOISE}),
+    "reintegrate": (vg.reintegrate, {"problem": CHAINED, "state": CHAINED.initial, "samples": SAMPLES, "times_ns": TIMES, "noise": NOISE}),
     "relative_frobenius": (vg.relative_frobenius, {"A": H, "reference": H}),
     "sandwich": (vg.sandwich, {"J": H, "weights": np.ones(len(H)), "residuals": np.ones(len(H)), "covariance": FREE}),
-    "solve": (partial(vg.solve, PROBLEM, FIX), {"start": STATE}),
+    "solve": (vg.solve, {"problem": PROBLEM, "gauge": FIX, "options": vg.Options(), "start": STATE}),
+    "solve_with_samples": (vg.solve_with_samples, {"problem": CHAINED, "gauge": FIX, "samples": SAMPLES, "times_ns": TIMES, "noise": NOISE}),
     "trajectory_errors": (vg.trajectory_errors, {"estimate": STATE, "truth": STATE}),
     "transform_covariance": (vg.transform_covariance, {"covariance": MOTION, "state": STATE, "gauge": FIX, "reference": STATE}),
     "ceres.jacobian": (ceres.jacobian, {"rows": J.indptr.astype(int), "cols": J.indices.astype(int), "values": J.data, "n": LAYOUT.n}),
@@ -146,6 +147,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
 
 # Damage that makes another right argument.
 HARMLESS: dict[str, tuple[str, ...]] = {
+    # Looked at once a solve has converged, which takes more steps than this start allows.
+    "solve_with_samples.times_ns": ("beyond",),
     # Problems look at these, and gauges when they are asked about a state.
     "BiasPrior.keyframe": ("-1",),
     "KeyframeGauge.index": ("-1",),
@@ -229,7 +232,7 @@ EXEMPT = {
     *("pose_rows", "world_from", "with_points", "name_of"),
     *("normal_from", "example_problem"),  # functions; no argument
     *("load_problems", "save_problems", "load_trajectory", "save_trajectory"),  # fuzzed, and tests/model
-    *("solve_with_samples", "LinearFactor"),  # as reintegrate and solve; as MotionFactor
+    "LinearFactor",  # as MotionFactor
     *("State", "chain", "only"),  # as State.start, whose array fields they are; as InertialFactors
 }
 

@@ -9,15 +9,10 @@ READ_BY_REASONS = {
 }
 
 
-def read_by(wildcards):
-    """Results that an experiment reads, so that it waits for no others."""
-    return reads(**{kind: READ_BY_REASONS[kind] for kind in EXPLAINING[wildcards.untimed].reads})
-
-
-# One of them is the longest stage of all: what is long begins first.
+# An experiment waits for what it reads only. One of them is the longest stage of all: what is long begins first.
 rule reasons:
     input:
-        unpack(read_by),
+        unpack(lambda w: reads(**{kind: READ_BY_REASONS[kind] for kind in EXPLAINING[w.untimed].reads})),
         published=published("table2.csv", "fig06_prior_error_paths.csv", "fig09.npz", "fig10.npz"),
     output:
         table="data/reasons/{untimed}.csv",
@@ -28,9 +23,9 @@ rule reasons:
         "logs/benchmark/reasons/{untimed}.tsv"
     wildcard_constraints:
         untimed=names_of(UNTIMED),
+    priority: 1
     conda:
         "../envs/vigauge.yaml"
-    priority: 1
     resources:
         runtime=120,
     params:

@@ -143,8 +143,7 @@ def arrange(
 
     Returns how many cells, views and entries of ``seen`` there are.
 
-    Observations come ordered by landmark, then keyframe. A landmark that a camera sees twice from
-    one keyframe takes two views.
+    Observations come ordered by landmark, then keyframe. A camera sees a landmark once from a keyframe.
     """
     order, batch_begin, batch_cell, cell_keyframe, cell_row, cell_view, view_camera = batches
     n_landmarks = len(order)
@@ -153,11 +152,9 @@ def arrange(
         start[landmark[m] + 1] += 1
     for j in range(n_landmarks):
         start[j + 1] += start[j]
-    # Of a camera at a keyframe: views that the batch needs, the first of them; who was last, and how often.
-    need = np.zeros(n_keyframes * n_cameras, dtype=np.int64)
-    first = np.empty(n_keyframes * n_cameras, dtype=np.int64)
-    latest = np.full(n_keyframes * n_cameras, -1)
-    times = np.empty(n_keyframes * n_cameras, dtype=np.int64)
+    # Of a camera at a keyframe: whether the batch needs it, and its view.
+    needed = np.zeros(n_keyframes * n_cameras, dtype=np.bool_)
+    view = np.empty(n_keyframes * n_cameras, dtype=np.int64)
     touched = np.empty(n_keyframes * n_cameras, dtype=np.int64)
     row = np.full(n_keyframes, -1)
     cells, views, width = 0, 0, 0
@@ -170,14 +167,10 @@ def arrange(
                 j = order[place]
                 for m in range(start[j], start[j + 1]):
                     at = keyframe[m] * n_cameras + camera[m]
-                    if latest[at] != j:
-                        latest[at], times[at] = j, 0
-                    obs_slot[m] = times[at]
-                    times[at] += 1
-                    if need[at] == 0:
+                    if not needed[at]:
+                        needed[at] = True
                         touched[count] = at
                         count += 1
-                    need[at] = max(need[at], times[at])
             touched[:count].sort()
             batch_cell[b] = cells
             previous = -1
@@ -191,16 +184,15 @@ def arrange(
                         row[k] = 0
                         seen[width] = k
                         width += 1
-                first[at] = views
-                for _ in range(need[at]):
-                    view_camera[views] = at % n_cameras
-                    views += 1
-                need[at] = 0
+                view[at] = views
+                view_camera[views] = at % n_cameras
+                views += 1
+                needed[at] = False
             for place in range(batch_begin[b], batch_begin[b + 1]):
                 j = order[place]
                 for m in range(start[j], start[j + 1]):
-                    view = first[keyframe[m] * n_cameras + camera[m]] + obs_slot[m]
-                    obs_slot[m] = view * LANES + place - batch_begin[b]
+                    at = keyframe[m] * n_cameras + camera[m]
+                    obs_slot[m] = view[at] * LANES + place - batch_begin[b]
         of_group = seen[group_seen[g] : width]
         of_group.sort()
         for i in range(len(of_group)):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import integer, number
+from ..arrays import instance, integer, number
 from ..errors import DataError, SolverError
 from ..gauge.gauges import Gauge
 from ..geometry.so3 import Array
@@ -215,9 +215,11 @@ def solve(
     clock : seconds, e.g. ``time.perf_counter``; without it every time in the trace is 0
     keep_states : keep the state of every iteration (Fig. 2)
 
-    A run that cannot go on ends with a status that says so; nothing is raised.
+    A run that cannot go on ends with a status that says so. Raises DataError for arguments of another kind.
     """
-    options = options or _CERES_DEFAULTS
+    instance("problem", problem, Problem)
+    instance("gauge", gauge, Gauge)
+    options = _CERES_DEFAULTS if options is None else instance("options", options, Options)
     # What is done in one piece is done here: threads would only have to be started.
     with Workers(options.threads if len(problem.structure.pieces) > 1 else 1) as workers:
         return _Run(problem, gauge, options, clock, keep_states, workers, start).solve()

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import integer, integers
+from ..arrays import instance, integer, integers
 from ..errors import DataError
 from ..gauge.gauges import Gauge
 from ..model.imu import ImuNoise, ImuSamples, preintegrate
@@ -35,16 +35,27 @@ def reintegrate(
     Raises DataError where the problem's biases are known, the state is of another size, keyframes of a factor
     are not in the order of time, or samples do not cover a factor.
     """
-    problem.require_fits(state)
+    instance("problem", problem, Problem).require_fits(state)
     if state.gyro_bias is None or state.accel_bias is None:
         raise DataError("problem", "must estimate biases: known ones do not change", field="biases")
-    times = integers("times_ns", times_ns, (state.n_keyframes,))
+    times = _require_times(problem, times_ns)
     f = problem.inertial
     biases = state.gyro_bias[f.first], state.accel_bias[f.first]
     rows = zip(times[f.first].tolist(), times[f.second].tolist(), *biases, strict=True)
     factors = [preintegrate(samples, a, b, noise, biases=(gyro, accel)) for a, b, gyro, accel in rows]
     chained = InertialFactors.chain(factors, *biases)
     return replace(problem, inertial=replace(chained, first=f.first, second=f.second))
+
+
+def _require_times(problem: Problem, times_ns: object) -> NDArray[np.int64]:
+    times, f = integers("times_ns", times_ns, (problem.initial.n_keyframes,)), problem.inertial
+    early = np.flatnonzero(times[f.second] <= times[f.first])
+    if len(early):
+        row = int(f.second[early[0]])
+        raise DataError(
+            "times_ns", "must be in the order of the inertial factors", row=row, value=int(times[row])
+        )
+    return times
 
 
 def solve_with_samples(
@@ -70,6 +81,10 @@ def solve_with_samples(
     """
     if integer("rounds", rounds) < 1:
         raise DataError("rounds", "must be at least 1", value=rounds)
+    # A first solve that does not converge would hide what is wrong with these.
+    instance("samples", samples, ImuSamples)
+    instance("noise", noise, ImuNoise)
+    _require_times(instance("problem", problem, Problem), times_ns)
     solution = solve(problem, gauge, options)
     for _ in range(rounds - 1):
         if not solution.converged:
