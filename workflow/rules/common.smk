@@ -57,13 +57,6 @@ PRIOR_INFORMATION = information(config["prior"]["weight"], READING)
 PRIOR_FLAGS = f"--prior-weight {config['prior']['weight']} --prior-reading {READING}"
 PAPER_SEQUENCES = SEQUENCES.of_the_paper
 EXPERIMENTS = [*CONFIGURATIONS, *PAPER_SEQUENCES]
-# What an experiment may read, and of which configurations and sequences.
-READ_BY_REASONS = {
-    "problems": CONFIGURATIONS,
-    "truths": CONFIGURATIONS,
-    "covariances": EXPERIMENTS,
-    "sweep_trace": [SWEEP],
-}
 # The paper's names of the sequences that are its own, for a command line.
 PUBLISHED_NAMES = [f"{name}={theirs}" for name, theirs in SEQUENCES.published_names.items()]
 
