@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from vigauge_paper.figures.style import COLUMN, new_figure, save_figure
+from vigauge_paper.figures.style import COLUMN, new_figure, save_pictures
 
 from .results import Row
 
@@ -47,4 +47,4 @@ def draw_scaling(rows: Sequence[Row], stem: Path) -> None:
         # Below all lines, where there is room.
         axes.set_ylim(bottom=0.2 * min(floor.values()))
         axes.legend(loc="lower right")
-        save_figure(figure, stem)
+        save_pictures(figure, stem)

@@ -22,7 +22,7 @@ import vigauge as vg
 from vigauge.covariance.relative import relative_pose
 from vigauge.files import write_json, write_rows
 from vigauge.geometry.so3 import Array
-from vigauge_paper.figures.style import COLOURS, PAGE, new_figure, save_figure
+from vigauge_paper.figures.style import COLOURS, PAGE, new_figure, save_pictures
 from vigauge_paper.run.machine import describe_machine, versions
 
 from .foreign_colmap import colmap_row
@@ -99,7 +99,7 @@ def draw(rows: list[Row], stem: Path) -> None:
         axes.axvline(1.0, color="k", lw=0.8)
         axes.set_xscale("log")
         axes.set_xlabel("their time over ours")
-        save_figure(figure, stem)
+        save_pictures(figure, stem)
 
 
 def main(folder: Path = RESULTS, sizes: Sizes = FULL) -> list[Row]:

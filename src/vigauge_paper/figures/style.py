@@ -80,16 +80,17 @@ def new_figure(
             plt.close(figure)
 
 
-def save_figure(figure: Figure, stem: str | os.PathLike[str]) -> None:
-    """Write ``stem``.pdf, ``stem``.png and, of one column, its :func:`narrow` PNG, each all or nothing.
-
-    The figure itself is of one column afterwards.
-    """
-    png = Path(f"{stem}.png")
+def save_pictures(figure: Figure, stem: str | os.PathLike[str]) -> None:
+    """Write ``stem``.pdf and ``stem``.png, each all or nothing."""
     _write(figure, Path(f"{stem}.pdf"), {"CreationDate": None, "Producer": None, "Creator": None})
-    _write(figure, png, {"Software": None})
+    _write(figure, Path(f"{stem}.png"), {"Software": None})
+
+
+def save_figure(figure: Figure, stem: str | os.PathLike[str]) -> None:
+    """As :func:`save_pictures`, and of one column the :func:`narrow` PNG; the figure is then of one."""
+    save_pictures(figure, stem)
     stack(figure, COLUMN)
-    _write(figure, narrow(png), {"Software": None}, dpi=NARROW_DPI)
+    _write(figure, narrow(Path(f"{stem}.png")), {"Software": None}, dpi=NARROW_DPI)
 
 
 def narrow(png: Path) -> Path:

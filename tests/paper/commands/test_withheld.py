@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from support import degenerate as d
+from support import simulated
 from support.results import Results
 from vigauge.errors import DataError
 from vigauge.model.archive import load_arrays, load_statuses, save_problems, save_states
@@ -144,10 +145,19 @@ def test_a_run_that_did_not_converge_gets_no_covariance(tmp_path: Path) -> None:
     )
 
 
-def test_a_non_finite_start_is_a_status_and_not_a_crash(tmp_path: Path) -> None:
-    """Squares of such velocities overflow."""
+def test_a_start_that_no_flight_has_is_refused_with_its_row(tmp_path: Path) -> None:
+    """Catches a crash, or a row of infinities: squares of such velocities overflow."""
     problem = d.problem_of()
     start = replace(problem.initial, v_W=np.full_like(problem.initial.v_W, 1e200))
+    done = solve(tmp_path, problem.with_initial(start))
+    assert done.returncode == 2 and "state, row 0, v_W: must be below 1e+100" in done.stderr, done.stderr
+    assert not (tmp_path / "solutions.csv").exists()
+
+
+def test_a_start_without_a_cost_is_a_status_and_not_a_crash(tmp_path: Path) -> None:
+    """Catches a run that stops: landmarks at the camera have depth zero."""
+    problem = simulated.trial(0)
+    start = replace(problem.initial, X_W=np.zeros_like(problem.initial.X_W) + problem.initial.p_W[0])
     done = solve(tmp_path, problem.with_initial(start))
     assert done.returncode == 0, done.stderr
     solutions = pd.read_csv(tmp_path / "solutions.csv")

@@ -94,7 +94,7 @@ def in_sigmas(problem: vg.Problem, truth: GroundTruth, t_ns: np.ndarray) -> dict
     sigma = np.sqrt(np.diagonal(blocks, axis1=1, axis2=2)).reshape(len(row), 5, 3)
     return {
         # Of the first keyframe the gauge holds some.
-        name: float(np.sqrt(np.mean((error / sigma[:, k])[1:] ** 2)))
+        name: float(np.sqrt(np.mean((error[1:] / sigma[1:, k]) ** 2)))
         for k, (name, error) in enumerate(errors.items())
     }
 

@@ -79,6 +79,7 @@ def test_reduced_problem_keeps_pixels_with_their_landmarks() -> None:
 def test_round_that_does_not_converge_is_an_error() -> None:
     """Observations judged at a state that is no minimum."""
     problem = simulated.trial(0)
-    broken = problem.with_initial(replace(problem.initial, v_W=np.full_like(problem.initial.v_W, 1e200)))
+    at_the_camera = np.zeros_like(problem.initial.X_W) + problem.initial.p_W[0]
+    broken = problem.with_initial(replace(problem.initial, X_W=at_the_camera))
     with np.errstate(all="ignore"), pytest.raises(SolverError, match="round 1"):
         find_inliers(broken, SETTINGS, 2)
