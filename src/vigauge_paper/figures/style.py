@@ -63,9 +63,6 @@ _STYLE = {
     "savefig.dpi": 200,
 }
 
-# Of the pictures for a phone: its screen shows no more, and the page holds them too.
-NARROW_DPI = 140
-
 
 @contextmanager
 def new_figure(
@@ -90,7 +87,7 @@ def save_figure(figure: Figure, stem: str | os.PathLike[str]) -> None:
     """As :func:`save_pictures`, and of one column the :func:`narrow` PNG; the figure is then of one."""
     save_pictures(figure, stem)
     stack(figure, COLUMN)
-    _write(figure, narrow(Path(f"{stem}.png")), {"Software": None}, dpi=NARROW_DPI)
+    _write(figure, narrow(Path(f"{stem}.png")), {"Software": None})
 
 
 def narrow(png: Path) -> Path:
@@ -98,9 +95,9 @@ def narrow(png: Path) -> Path:
     return png.parent / "narrow" / png.name
 
 
-def _write(figure: Figure, file: Path, metadata: dict[str, None], **options: Any) -> None:
+def _write(figure: Figure, file: Path, metadata: dict[str, None]) -> None:
     with atomic_path(file) as temporary:
-        figure.savefig(temporary, metadata=metadata, **options)
+        figure.savefig(temporary, metadata=metadata)
 
 
 def draw_withheld(stem: str | os.PathLike[str], why: str, rendered: bool) -> None:
