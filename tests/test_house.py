@@ -70,7 +70,7 @@ CONFINED = {
 }
 
 # Import name of a distribution where the two differ.
-IMPORT_NAMES = {"opencv-python-headless": "cv2", "pyyaml": "yaml"}
+IMPORT_NAMES = {"opencv-python-headless": "cv2", "pillow": "PIL", "pyyaml": "yaml"}
 
 
 def floor_of(module: str) -> str:

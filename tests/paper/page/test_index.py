@@ -1,6 +1,7 @@
 """The page a reader opens first: what is on it, where its links lead, and that nothing points outside."""
 
 import base64
+import io
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from markupsafe import escape
+from PIL import Image
 
 from support.material import PIXEL, material_of
 from vigauge_paper.claims import CLAIMS, THEMES
@@ -95,10 +97,11 @@ def test_figures_tables_and_experiments_are_in_the_page(material: Material) -> N
 
 def test_a_phone_gets_the_stacked_picture(material: Material) -> None:
     """Catches a figure of two columns that a phone shrinks until nobody can read it."""
-    narrow(material.figures["fig09"]).write_bytes(b"stacked")
+    Image.new("RGB", (3, 7)).save(narrow(material.figures["fig09"]), "PNG")
     sources = [value for tag, _, value in Attributes(index_page(material)).found if tag == "source"]
     assert len(sources) == 2 and sources[0] == "screen and (max-width: 46rem)"
-    assert sources[1] == f"data:image/png;base64,{base64.b64encode(b'stacked').decode()}"
+    found = base64.b64decode(str(sources[1]).removeprefix("data:image/png;base64,"))
+    assert Image.open(io.BytesIO(found)).size == (3, 7)
 
 
 def test_a_stand_in_is_never_shown_as_euroc(material: Material) -> None:
