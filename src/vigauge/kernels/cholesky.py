@@ -29,8 +29,17 @@ _dpotri: Any = types.ExternalFunction(
     name_symbol("cython_lapack", "dpotri"), types.void(CHAR, INT, DOUBLE, INT, INT)
 )
 
+_dtrsv: Any = types.ExternalFunction(
+    name_symbol("cython_blas", "dtrsv"), types.void(CHAR, CHAR, CHAR, INT, DOUBLE, INT, DOUBLE, INT)
+)
+_dtbsv: Any = types.ExternalFunction(
+    name_symbol("cython_blas", "dtbsv"), types.void(CHAR, CHAR, CHAR, INT, INT, DOUBLE, INT, DOUBLE, INT)
+)
+
 _LOWER = np.frombuffer(b"L", dtype=np.uint8)
 _UPPER = np.frombuffer(b"U", dtype=np.uint8)
+_PLAIN = np.frombuffer(b"N", dtype=np.uint8)
+_TRANSPOSED = np.frombuffer(b"T", dtype=np.uint8)
 
 
 @part
@@ -62,21 +71,19 @@ def invert_block(L: Array, n: int, stride: int, size: Sizes) -> None:
     _dpotri(_LOWER.ctypes, size.ctypes, L.ctypes, size[1:].ctypes, size[2:].ctypes)
 
 
-@part
+@kernel
 def solve(factor: Array, stride: int, half_bandwidth: int, x: Array) -> None:
     """Replace a right-hand side by the solution."""
-    n = len(x)
-    for c in range(n):
-        start = c * stride
-        value = x[c] / factor[start + c]
-        x[c] = value
-        for r in range(c + 1, min(c + half_bandwidth + 1, n)):
-            x[r] -= factor[start + r] * value
-    for c in range(n - 1, -1, -1):
-        start, total = c * stride, x[c]
-        for r in range(c + 1, min(c + half_bandwidth + 1, n)):
-            total -= factor[start + r] * x[r]
-        x[c] = total / factor[start + c]
+    n = np.empty(4, dtype=np.int32)
+    n[0], n[1], n[2], n[3] = len(x), half_bandwidth, stride, 1
+    N, k, lda, one, L = n.ctypes, n[1:].ctypes, n[2:].ctypes, n[3:].ctypes, factor.ctypes
+    if stride != half_bandwidth:
+        _dtrsv(_LOWER.ctypes, _PLAIN.ctypes, _PLAIN.ctypes, N, L, lda, x.ctypes, one)
+        _dtrsv(_LOWER.ctypes, _TRANSPOSED.ctypes, _PLAIN.ctypes, N, L, lda, x.ctypes, one)
+    else:
+        n[2] = stride + 1
+        _dtbsv(_LOWER.ctypes, _PLAIN.ctypes, _PLAIN.ctypes, N, k, L, lda, x.ctypes, one)
+        _dtbsv(_LOWER.ctypes, _TRANSPOSED.ctypes, _PLAIN.ctypes, N, k, L, lda, x.ctypes, one)
 
 
 @kernel
