@@ -42,8 +42,8 @@ def _blocks(factor: Array) -> Iterator[tuple[slice, slice, Array, Array]]:
         shifted[:] = factor[:reach, start:stop].T
         L = column[:, : below - start].T
         inverse, _ = lapack.dpotri(L[:size], lower=1)
-        inverse = np.tril(inverse)
-        inverse += np.tril(inverse, -1).T
+        inverse = inverse + inverse.T  # its upper triangle is zero, as that of L
+        inverse.flat[:: size + 1] *= 0.5
         Y = dtrsm(1.0, L[:size], L[size:], side=1, lower=1) if below > stop else L[size:]
         yield slice(start, stop), slice(stop, below), inverse, Y
 
