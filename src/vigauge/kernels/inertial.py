@@ -1,8 +1,13 @@
-"""Preintegration errors (Forster et al., the paper's [5]) and their share of the normal equations."""
+"""Preintegration errors (Forster et al., the paper's [5]) and their share of the normal equations.
+
+The ``inputs`` of kernels are the arrays of :class:`vigauge.model.problem.InertialFactors`, gravity in m/s^2,
+and positions (N, 3), rotations (N, 3, 3) and velocities (N, 3) of the keyframes. They come one by one: the
+type of a tuple costs more to find than a short kernel to run.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,22 +16,6 @@ from . import rotation
 from .compiled import kernel, part
 from .lanes import Index
 from .sizes import KEYFRAME
-
-
-class Increments(NamedTuple):
-    """The arrays of :class:`vigauge.model.problem.InertialFactors`, and gravity in m/s^2.
-
-    Kernels take them one by one: the type of a tuple costs more to find than a short kernel to run.
-    """
-
-    first: Index
-    second: Index
-    dt: Array
-    dp: Array
-    dR: Array
-    dv: Array
-    whitener: Array
-    gravity: float
 
 
 @part
@@ -69,21 +58,9 @@ def error_of(
 
 
 @kernel
-def residuals(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-    out: Array,
-) -> None:
+def residuals(out: Array, *inputs: Any) -> None:
     """Whitened errors into ``out`` (F, 9), order (position, rotation, velocity)."""
+    first, second, dt, dp, dR, dv, whitener, gravity, p_W, R_WB, v_W = inputs
     shift, change, turn, error = np.empty(3), np.empty(3), np.empty(3), np.empty(9)
     scratch = np.empty((3, 3))
     for f in range(len(dt)):
@@ -99,22 +76,10 @@ def residuals(
 
 
 @kernel
-def cost(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-) -> float:
+def cost(*inputs: Any) -> float:
     """Sum of squares of :func:`residuals`."""
-    white = np.empty((len(dt), KEYFRAME))
-    residuals(first, second, dt, dp, dR, dv, whitener, gravity, p_W, R_WB, v_W, white)
+    white = np.empty((len(inputs[0]), KEYFRAME))
+    residuals(white, *inputs)
     squares = 0.0
     for f in range(len(white)):
         for a in range(KEYFRAME):
@@ -205,27 +170,12 @@ _ROW = 24
 
 
 @kernel
-def accumulate(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-    column: Index,
-    stride: int,
-    storage: Array,
-    gradient: Array,
-) -> None:
+def accumulate(column: Index, stride: int, storage: Array, gradient: Array, *inputs: Any) -> None:
     """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (9N,).
 
     ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
     """
+    first, second, dt, dp, dR, dv, whitener, gravity, p_W, R_WB, v_W = inputs
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     inverse, J = np.empty((3, 3)), np.zeros((KEYFRAME, _ROW))
     W_J, product = np.empty((KEYFRAME, _ROW)), np.empty((2 * KEYFRAME, _ROW))

@@ -2,11 +2,15 @@
 
 The increments follow a keyframe's biases to first order from those that they were integrated at (Forster
 et al., Eq. 44). The last six errors are the steps of the biases' random walk.
+
+Of the ``inputs`` the whitener is (F, 15, 15). Between increments and motion stand ``by_bias`` (F, 9, 6), the
+increments' derivative by the gyroscope's and the accelerometer's bias, and ``bias`` (F, 6), where they were
+integrated; after the motion both biases of the keyframes, (N, 3) each.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,98 +22,50 @@ from .lanes import Index
 from .sizes import WITH_BIASES
 
 
-class BiasedIncrements(NamedTuple):
-    """As :class:`.inertial.Increments`, with a whitener (F, 15, 15).
-
-    ``by_bias`` (F, 9, 6): their derivative by the gyroscope's and the accelerometer's bias; ``bias`` (F, 6):
-    where they were integrated.
-    """
-
-    first: Index
-    second: Index
-    dt: Array
-    dp: Array
-    dR: Array
-    dv: Array
-    whitener: Array
-    gravity: float
-    by_bias: Array
-    bias: Array
-
-
 @part
-def _corrected(
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    by_bias: Array,
-    bias: Array,
-    gyro_bias: Array,
-    accel_bias: Array,
+def _error_of(
+    f: int,
+    inputs: Any,
+    shift: Array,
+    change: Array,
+    turn: Array,
+    scratch: Array,
     moved: Array,
-    exp: Array,
-    dp_out: Array,
-    dR_out: Array,
-    dv_out: Array,
+    dp_f: Array,
+    dR_f: Array,
+    dv_f: Array,
 ) -> None:
-    """Increments at a keyframe's biases; ``moved`` (9,) is their change, ``exp`` scratch."""
+    """As :func:`.inertial.error_of`, with the increments at the first keyframe's biases.
+
+    These go into ``dp_f``, ``dR_f`` and ``dv_f``, and their change into ``moved`` (9,).
+    """
+    first, second, dt, dp, dR, dv, _, gravity, by_bias, bias, p_W, R_WB, v_W, gyro_bias, accel_bias = inputs
+    i = first[f]
     for r in range(9):
         moved[r] = 0.0
         for c in range(3):
-            moved[r] += by_bias[r, c] * (gyro_bias[c] - bias[c])
-            moved[r] += by_bias[r, 3 + c] * (accel_bias[c] - bias[3 + c])
-    rotation.exp(moved[3:6], exp)
+            moved[r] += by_bias[f, r, c] * (gyro_bias[i, c] - bias[f, c])
+            moved[r] += by_bias[f, r, 3 + c] * (accel_bias[i, c] - bias[f, 3 + c])
+    rotation.exp(moved[3:6], scratch)
     for a in range(3):
-        dp_out[a], dv_out[a] = dp[a] + moved[a], dv[a] + moved[6 + a]
+        dp_f[a], dv_f[a] = dp[f, a] + moved[a], dv[f, a] + moved[6 + a]
         for b in range(3):
-            dR_out[a, b] = dR[a, 0] * exp[0, b] + dR[a, 1] * exp[1, b] + dR[a, 2] * exp[2, b]
+            dR_f[a, b] = (
+                dR[f, a, 0] * scratch[0, b] + dR[f, a, 1] * scratch[1, b] + dR[f, a, 2] * scratch[2, b]
+            )
+    error_of(i, second[f], dt[f], dp_f, dR_f, dv_f, gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
 
 
 @kernel
-def residuals(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    by_bias: Array,
-    bias: Array,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-    gyro_bias: Array,
-    accel_bias: Array,
-    out: Array,
-) -> None:
+def residuals(out: Array, *inputs: Any) -> None:
     """Whitened errors into ``out`` (F, 15): position, rotation, velocity, steps of both biases."""
+    first, second, dt, _, _, _, whitener, _, _, _, _, _, _, gyro_bias, accel_bias = inputs
     shift, change, turn, error = np.empty(3), np.empty(3), np.empty(3), np.empty(15)
-    scratch, moved, dp_f, dR_f, dv_f = (
-        np.empty((3, 3)),
-        np.empty(9),
-        np.empty(3),
-        np.empty((3, 3)),
-        np.empty(3),
-    )
+    scratch, moved = np.empty((3, 3)), np.empty(9)
+    dp_f, dR_f, dv_f = np.empty(3), np.empty((3, 3)), np.empty(3)
     for f in range(len(dt)):
         i, j = first[f], second[f]
-        _corrected(
-            dp[f],
-            dR[f],
-            dv[f],
-            by_bias[f],
-            bias[f],
-            gyro_bias[i],
-            accel_bias[i],
-            moved,
-            scratch,
-            dp_f,
-            dR_f,
-            dv_f,
-        )
-        error_of(i, j, dt[f], dp_f, dR_f, dv_f, gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
+        _error_of(f, inputs, shift, change, turn, scratch, moved, dp_f, dR_f, dv_f)
         for a in range(3):
             error[a], error[3 + a], error[6 + a] = shift[a] - dp_f[a], turn[a], change[a] - dv_f[a]
             error[9 + a] = gyro_bias[j, a] - gyro_bias[i, a]
@@ -122,43 +78,10 @@ def residuals(
 
 
 @kernel
-def cost(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    by_bias: Array,
-    bias: Array,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-    gyro_bias: Array,
-    accel_bias: Array,
-) -> float:
+def cost(*inputs: Any) -> float:
     """Sum of squares of :func:`residuals`."""
-    white = np.empty((len(dt), WITH_BIASES))
-    residuals(
-        first,
-        second,
-        dt,
-        dp,
-        dR,
-        dv,
-        whitener,
-        gravity,
-        by_bias,
-        bias,
-        p_W,
-        R_WB,
-        v_W,
-        gyro_bias,
-        accel_bias,
-        white,
-    )
+    white = np.empty((len(inputs[0]), WITH_BIASES))
+    residuals(white, *inputs)
     squares = 0.0
     for f in range(len(white)):
         for a in range(WITH_BIASES):
@@ -171,31 +94,12 @@ _ROW = 32
 
 
 @kernel
-def accumulate(
-    first: Index,
-    second: Index,
-    dt: Array,
-    dp: Array,
-    dR: Array,
-    dv: Array,
-    whitener: Array,
-    gravity: float,
-    by_bias: Array,
-    bias: Array,
-    p_W: Array,
-    R_WB: Array,
-    v_W: Array,
-    gyro_bias: Array,
-    accel_bias: Array,
-    column: Index,
-    stride: int,
-    storage: Array,
-    gradient: Array,
-) -> None:
+def accumulate(column: Index, stride: int, storage: Array, gradient: Array, *inputs: Any) -> None:
     """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (15N,).
 
     ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
     """
+    first, second, dt, _, _, _, whitener, _, by_bias, _, _, R_WB, _, gyro_bias, accel_bias = inputs
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     moved, dp_f, dR_f, dv_f = np.empty(9), np.empty(3), np.empty((3, 3)), np.empty(3)
     inverse, left, chain = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -206,21 +110,7 @@ def accumulate(
     width = _ROW - WITH_BIASES + whitener.shape[1]
     for f in range(len(dt)):
         i, j = first[f], second[f]
-        _corrected(
-            dp[f],
-            dR[f],
-            dv[f],
-            by_bias[f],
-            bias[f],
-            gyro_bias[i],
-            accel_bias[i],
-            moved,
-            scratch,
-            dp_f,
-            dR_f,
-            dv_f,
-        )
-        error_of(i, j, dt[f], dp_f, dR_f, dv_f, gravity, p_W, R_WB, v_W, shift, change, turn, scratch)
+        _error_of(f, inputs, shift, change, turn, scratch, moved, dp_f, dR_f, dv_f)
         rotation.right_jacobian_inverse(turn, inverse)
         jacobian_of(dt[f], R_WB[i], R_WB[j], shift, change, inverse, WITH_BIASES, J)
         # The rotation's error Log(Exp(-m) E) changes with m, in ``moved``, by -J_l^-1(error) J_r(m) dm. Both

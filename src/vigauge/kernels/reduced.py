@@ -26,14 +26,8 @@ def solve(
     information: Array,
     p_W: Array,
     X_W: Array,
-    order: Index,
-    batch_begin: Index,
-    batch_cell: Index,
-    cell_keyframe: Index,
-    cell_row: Index,
-    cell_view: Index,
-    view_camera: Index,
     step: Array,
+    *batches: Index,
 ) -> bool:
     """The step (9N + 3K,) in the package's order; ``storage`` is overwritten by its factor.
 
@@ -58,15 +52,9 @@ def solve(
         X_W,
         factor,
         half_gradient,
-        order,
-        batch_begin,
-        batch_cell,
-        cell_keyframe,
-        cell_row,
-        cell_view,
-        view_camera,
         column,
         motion,
         step[size:].reshape(-1, 3),
+        *batches,
     )
     return True

@@ -206,13 +206,6 @@ def eliminate(
     landmark: Array,
     damping: Array,
     landmark_gradient: Array,
-    order: Index,
-    batch_begin: Index,
-    batch_cell: Index,
-    cell_keyframe: Index,
-    cell_row: Index,
-    cell_view: Index,
-    view_camera: Index,
     group_batch: Index,
     group_seen: Index,
     seen: Index,
@@ -225,6 +218,7 @@ def eliminate(
     half_gradient: Array,
     storage: Array,
     gradient: Array,
+    *batches: Index,
 ) -> float:
     """Take the landmarks of a range of groups out of the motion block and its gradient (9N,).
 
@@ -233,6 +227,7 @@ def eliminate(
     :func:`_factorise`, and returns its number. Entry (r, c) of the stored lower triangle is
     ``storage[c * stride + r - base]``.
     """
+    order, batch_begin, batch_cell, cell_keyframe, cell_row, _, _ = batches
     lanes = factor.shape[1] // 6
     widest = 0
     for g in range(first_group, end_group):
@@ -290,21 +285,16 @@ def back_substitute(
     X_W: Array,
     factor: Array,
     half_gradient: Array,
-    order: Index,
-    batch_begin: Index,
-    batch_cell: Index,
-    cell_keyframe: Index,
-    cell_row: Index,
-    cell_view: Index,
-    view_camera: Index,
     column: Index,
     motion: Array,
     out: Array,
+    *batches: Index,
 ) -> None:
     """Landmark steps -F^T (F g + F W^T x) into ``out`` (K, 3), for the motion step x (9N,) in stored order.
 
     W^T (x_p, x_r) = -M (x_p - ray x x_r), and ray = X - p: what the keyframe gives is added up once.
     """
+    order, batch_begin, batch_cell, cell_keyframe, _, _, _ = batches
     lanes = factor.shape[1] // 6
     frame = np.empty((len(p_W), 6))
     for k in range(len(p_W)):

@@ -50,7 +50,7 @@ def _seen(
 ) -> tuple[float, float, float]:
     """Normalised coordinates and inverse depth of a ray from the body, by a camera's R_CW and p_CB.
 
-    Who is not seen (w = 0) may be anywhere, even at depth zero.
+    Empty lanes (w = 0) may hold any point; depth is replaced by 1 to avoid dividing by zero.
     """
     depth = R[6] * x + R[7] * y + R[8] * z + t[2]
     inverse_depth = 1.0 / (depth if w > 0.0 else 1.0)
@@ -108,22 +108,17 @@ def cost(
     R_BC: Array,
     p_CB: Array,
     intrinsics: Array,
-    order: Index,
-    batch_begin: Index,
-    batch_cell: Index,
-    cell_keyframe: Index,
-    cell_row: Index,
-    cell_view: Index,
-    view_camera: Index,
     pixels: Array,
     huber: float | None,
     cauchy: float | None,
     R_CW: Array,
+    *batches: Index,
 ) -> tuple[float, float]:
     """Sum of squares of :func:`residuals`, each through the loss, and of their lengths.
 
     ``pixels`` (V, 3 L) as of the problem; ``R_CW`` is filled by :func:`camera_rotations`.
     """
+    order, batch_begin, batch_cell, cell_keyframe, _, cell_view, view_camera = batches
     camera_rotations(R_WB, R_BC, R_CW)
     lanes = pixels.shape[1] // 3
     s = np.empty(3 * L)
@@ -276,13 +271,6 @@ def accumulate(
     R_CW: Array,
     p_CB: Array,
     intrinsics: Array,
-    order: Index,
-    batch_begin: Index,
-    batch_cell: Index,
-    cell_keyframe: Index,
-    cell_row: Index,
-    cell_view: Index,
-    view_camera: Index,
     pixels: Array,
     huber: float | None,
     cauchy: float | None,
@@ -292,12 +280,14 @@ def accumulate(
     landmark: Array,
     landmark_gradient: Array,
     pose: Array,
+    *batches: Index,
 ) -> None:
     """Sums over a range of batches: ``information`` (Q, 6 L), landmarks' blocks and gradients, ``pose``.
 
     ``pose`` (N, 27) takes each keyframe's sums. Rows of the scratch: X (3), ray (3), M and
     J_l^T r of the cell (9), and their sums over the batch (9).
     """
+    order, batch_begin, batch_cell, cell_keyframe, _, cell_view, view_camera = batches
     lanes = pixels.shape[1] // 3
     s = np.empty(_ROWS * L)
     for b in range(first_batch, end_batch):

@@ -31,8 +31,6 @@ from ..errors import DataError
 from ..geometry.camera import Camera
 from ..geometry.so3 import Array
 from ..kernels.covisibility import spread_pixels
-from ..kernels.inertial import Increments
-from ..kernels.inertial_biases import BiasedIncrements
 from ..kernels.lanes import LANES
 from ..kernels.loss import Loss as CompiledLoss
 from ..kernels.sizes import KEYFRAME, WITH_BIASES
@@ -376,14 +374,14 @@ class Problem:
         return np.concatenate([first, more[:, 0]]), np.concatenate([second, more[:, 1]])
 
     @cached_property
-    def increments(self) -> Increments | BiasedIncrements:
-        """The inertial factors as the kernels read them."""
+    def increments(self) -> tuple[Any, ...]:
+        """The inertial factors as :mod:`vigauge.kernels.inertial` reads them, or its twin with biases."""
         f = self.inertial
-        out = Increments(f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, float(self.gravity))
+        out = f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, float(self.gravity)
         if f.by_gyro_bias is None or f.by_accel_bias is None or f.gyro_bias is None or f.accel_bias is None:
             return out
         by_bias = np.concatenate([f.by_gyro_bias, f.by_accel_bias], axis=2)
-        return BiasedIncrements(*out, by_bias, np.concatenate([f.gyro_bias, f.accel_bias], axis=1))
+        return *out, by_bias, np.concatenate([f.gyro_bias, f.accel_bias], axis=1)
 
     @property
     def obs_weight(self) -> Array:

@@ -160,7 +160,6 @@ class NormalEquations:
                 self.landmark,
                 added,
                 self.landmark_gradient,
-                *s.batches,
                 s.group_batch,
                 s.group_seen,
                 s.seen,
@@ -172,6 +171,7 @@ class NormalEquations:
                 half_gradient,
                 into,
                 gradient,
+                *s.batches,
             )
 
         def apart(piece: tuple[int, int]) -> tuple[float, slice, Array, Array]:
@@ -266,8 +266,8 @@ class ReducedSystem:
             self.factor,
             self.half_gradient,
             *self.couplings,
-            *s.batches,
             step,
+            *s.batches,
         ):
             raise SolverError(NOT_POSITIVE_DEFINITE)
         return step
@@ -359,7 +359,6 @@ def linearise(
             rotations,
             cameras["p_CB"],
             cameras["intrinsics"],
-            *s.batches,
             problem.pixels,
             *problem.compiled_loss,
             int(s.group_batch[piece[0]]),
@@ -368,6 +367,7 @@ def linearise(
             landmark,
             landmark_gradient,
             pose,
+            *s.batches,
         )
         return pose
 
@@ -376,7 +376,7 @@ def linearise(
     storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
     visual.spread_poses(pose, layout.column, layout.stride, storage, gradient)
     inertial_kernels(problem).accumulate(
-        *inertial_inputs(problem, state), layout.column, layout.stride, storage, gradient
+        layout.column, layout.stride, storage, gradient, *inertial_inputs(problem, state)
     )
     factors = linear_factors(problem, state)
     for factor in factors:
@@ -396,7 +396,7 @@ def inertial_information(problem: Problem, state: State) -> Array:
     layout = problem.structure.layout
     storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
     inertial_kernels(problem).accumulate(
-        *inertial_inputs(problem, state), layout.column, layout.stride, storage, gradient
+        layout.column, layout.stride, storage, gradient, *inertial_inputs(problem, state)
     )
     _chart_to_total(layout, first_rotation.chain(state), storage, gradient)
     return layout.dense(storage)

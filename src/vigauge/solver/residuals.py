@@ -65,10 +65,10 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
         cameras["R_BC"],
         cameras["p_CB"],
         cameras["intrinsics"],
-        *problem.structure.batches,
         problem.pixels,
         *problem.compiled_loss,
         R_CW,
+        *problem.structure.batches,
     )
     squares += inertial_kernels(problem).cost(*inertial_inputs(problem, state))
     for factor in problem.factors:
@@ -105,7 +105,7 @@ def inertial_residual(problem: Problem, state: State) -> Array:
     """
     problem.initial.require_size(state)
     out = np.empty((len(problem.inertial.dt), problem.initial.width))
-    inertial_kernels(problem).residuals(*inertial_inputs(problem, state), out)
+    inertial_kernels(problem).residuals(out, *inertial_inputs(problem, state))
     return out
 
 
