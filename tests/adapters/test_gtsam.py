@@ -1,5 +1,6 @@
 """Graphs of GTSAM's own factors through the adapter, against Marginals and the dense pseudo-inverse."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -178,6 +179,7 @@ def test_inertial_graph_in_the_free_gauge(tilt: gtsam.Rot3) -> None:
     assert vg.relative_frobenius(poses[1], expected[at[X(4)], at[X(4)]]) < 1e-8
     blocks = found.landmarks(keys=[L(3), L(0)])
     assert vg.relative_frobenius(blocks[0], expected[at[L(3)], at[L(3)]]) < 1e-8
+    np.testing.assert_array_equal(found.keyframes(kinds=["rotation", "position"])[[2, 4]], poses)
     held = found.in_gauge(vg.KeyframeGauge(X(3))).block(X(3), X(3))
     np.testing.assert_allclose(held[3:, 3:], 0.0, atol=1e-12)
 
@@ -185,6 +187,22 @@ def test_inertial_graph_in_the_free_gauge(tilt: gtsam.Rot3) -> None:
 def refused(graph: Any, values: Any, message: str) -> None:
     with pytest.raises(vg.DataError, match=message):
         covariance(graph, values)
+
+
+def test_poses_are_saved_without_the_other_variables(tmp_path: Path) -> None:
+    """Catches velocities and biases in the rows of poses, and GTSAM's order or side in the file."""
+    found = covariance(*inertial_graph(gtsam.Rot3()))
+    vg.save_trajectory(tmp_path / "poses.npz", found, gauge=vg.CentroidGauge())
+    saved = vg.load_trajectory(tmp_path / "poses.npz")
+    own = found.keyframes(vg.CentroidGauge(), [X(k) for k in range(6)], ["rotation", "position"])
+    expected = vg.as_convention(own, saved.R_WB, source="gtsam", to="ros")
+    np.testing.assert_allclose(saved.covariance, expected, rtol=1e-9, atol=1e-15)
+    assert (saved.gauge, len(saved.p_W)) == ("centroid", 6)
+    vg.save_trajectory(tmp_path / "poses.tum", found, times_ns=np.arange(6))
+    with pytest.raises(vg.DataError, match="such as vg.CentroidGauge"):
+        vg.save_trajectory(tmp_path / "poses.csv", found, gauge="centroid")
+    with pytest.raises(vg.DataError, match="keyframe x0: must have columns of .* say which kinds"):
+        found.keyframes(vg.CentroidGauge())
 
 
 def test_what_is_not_known_is_refused_by_name() -> None:

@@ -72,6 +72,37 @@ def build(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch):
     return make
 
 
+@pytest.mark.parametrize("side", ["left", "right", "gtsam", "g2o", "colmap"])
+def test_poses_in_another_convention(side: str) -> None:
+    """Catches an order or side of the layout that is taken for the convention's, and a velocity lost."""
+    rng = np.random.default_rng(5)
+    layout = vg.Layout.by_keyframe(6, BLOCKS, points=7, side=side)
+    at, _, J = problem(layout, vg.YawTranslation(), rng)
+    covariance = vg.Covariance.from_jacobian(J, layout, *at.args)
+    order = BLOCKS[:2] if side in ("gtsam", "colmap") else BLOCKS[1::-1]
+    own = covariance.keyframes(vg.CentroidGauge(), kinds=order)
+    expected = vg.as_convention(own, at.R, p=at.p, source=side, to="ros")
+    found = covariance.keyframes(vg.CentroidGauge(), kinds=BLOCKS, to="ros")
+    np.testing.assert_allclose(found[:, :6, :6], expected, rtol=1e-9, atol=1e-12)
+    velocities = covariance.keyframes(vg.CentroidGauge(), kinds=["velocity"])
+    np.testing.assert_allclose(found[:, 6:, 6:], velocities, rtol=1e-9, atol=1e-12)
+    with pytest.raises(vg.DataError, match="kinds: must have position and rotation"):
+        covariance.keyframes(kinds=["position"], to="ros")
+
+
+@pytest.mark.parametrize("side", ["right", "gtsam"])
+def test_what_a_gauge_holds_has_no_negative_variance(build, side: str) -> None:
+    """Catches rounding below zero, of which a square root would be NaN."""
+    rng = np.random.default_rng(6)
+    layout = vg.Layout.by_keyframe(12, BLOCKS, points=7, side=side)
+    at, _, J = problem(layout, vg.YawTranslation(), rng)
+    covariance = build(J, layout, *at.args)
+    for key in range(12):
+        gauge = vg.KeyframeGauge(key)
+        for blocks in (covariance.keyframes(gauge), covariance.block(key, key, gauge)[None]):
+            assert np.einsum("kcc->kc", blocks).min() >= 0.0
+
+
 @pytest.mark.parametrize(("group", "gauge"), GROUPS)
 @pytest.mark.parametrize("side", ["left", "colmap"])
 def test_every_way_is_the_oracle(build, group: Group, gauge: object, side: str) -> None:
@@ -316,7 +347,7 @@ def test_a_keyframe_that_the_solver_held_has_no_columns(build) -> None:
     gauge = (vg.KeyframeGauge(1), vg.Distance(2, 3))
     with pytest.raises(vg.DataError, match="no pose"):
         covariance.matrix((vg.KeyframeGauge(0), vg.Distance(2, 3)))
-    with pytest.raises(vg.DataError, match="lacks columns"):
+    with pytest.raises(vg.DataError, match="keyframe 0: must have columns of rotation, position"):
         covariance.keyframes(gauge)
     close(covariance.matrix(), oracle(J[:, 6:].toarray(), covariance.U), 1e-9)
     # The distance is constraint enough, and the first pose is fixed already.

@@ -129,6 +129,13 @@ def test_arrays_of_another_estimator(tmp_path: Path, state: vg.State) -> None:
     assert vg.load_trajectory(path).axes == ["vx", "vy", "vz"]
 
 
+def test_a_gauge_of_pose_and_scale_has_a_name(tmp_path: Path, state: vg.State, blocks: np.ndarray) -> None:
+    """As ``vigauge covariance`` names it."""
+    for scale, name in ((vg.Distance(2, 1), "distance:2:1"), (vg.MeanDepth(3), "depth:3")):
+        vg.save_trajectory(tmp_path / "poses.npz", state, blocks, gauge=(vg.KeyframeGauge(2), scale))
+        assert vg.load_trajectory(tmp_path / "poses.npz").gauge == f"keyframe:2 {name}"
+
+
 def test_rounding_where_a_gauge_holds_is_no_asymmetry(tmp_path: Path, state: vg.State) -> None:
     C = np.tile(np.eye(6), (state.n_keyframes, 1, 1))
     C[3, :3, :3] = 1e-17 * np.arange(9).reshape(3, 3) - 1e-17

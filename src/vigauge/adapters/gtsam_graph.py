@@ -33,11 +33,18 @@ def variables(graph: Any, values: Any) -> dict[int, tuple[str, Any]]:
     for what, given in {"NonlinearFactorGraph": graph, "Values": values}.items():
         if not isinstance(given, getattr(gtsam, what)):
             raise DataError("graph, values", f"must be a gtsam.{what}", value=type(given).__name__)
-    return {key: _value(values, key) for key in sorted(graph.keyVector())}
+    return {Key(key): _value(values, key) for key in sorted(graph.keyVector())}
+
+
+class Key(int):
+    """A key of GTSAM that messages name as GTSAM does: x3."""
+
+    def __str__(self) -> str:
+        return str(gtsam.DefaultKeyFormatter(self))
 
 
 def _name(key: int) -> str:
-    return f"variable {gtsam.DefaultKeyFormatter(key)}"
+    return f"variable {Key(key)}"
 
 
 def _value(values: Any, key: int) -> tuple[str, Any]:

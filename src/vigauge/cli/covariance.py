@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from vigauge.adapters.information import Information
 from vigauge.cli.command import EXIT_DEFECT, LOG, parser, run
@@ -65,13 +64,12 @@ def _of_information(given: Information, gauge: Gauge, options: argparse.Namespac
             raise DataError(options.file, "must name three columns a keyframe for this", field=kind)
     covariance = Covariance.from_hessian(given.H, **given.estimate)
     # Landmarks in the plane are keyframes without an angle.
-    rows = np.flatnonzero(np.all([(layout.blocks[kind] >= 0).all(axis=1) for kind in kinds], axis=0))
-    keys = [(layout.keys or range(layout.n_keyframes))[row] for row in rows.tolist()]
+    keys = layout.having(kinds)
+    rows = np.array([layout.place(key) for key in keys])
     known: Any = (gauge, scale_of(options.scale)) if options.scale else gauge
-    blocks = covariance.keyframes(known, keys, kinds)
+    posed = "rotation" in kinds or "position" in kinds
+    blocks = covariance.keyframes(known, keys, kinds, to="left" if posed else None)
     R, p = given.R[rows], given.p[rows]
-    if "rotation" in kinds or "position" in kinds:
-        blocks = _by_increments_in_world(blocks, layout, R, p, kinds)
     estimate = (R, p) if given.velocities is None else (R, p, given.velocities[rows])
     times = None if given.times_ns is None else given.times_ns[rows]
     name = " ".join(filter(None, (options.gauge, options.scale)))
@@ -82,25 +80,6 @@ def _width(layout: Layout, kind: str) -> int:
     """Columns that a kind must have: x, y and the angle alone in the plane."""
     plane = layout.blocks.get("position", np.empty((0, 3))).shape[1] == 2
     return {"position": 2, "rotation": 1}.get(kind, 3) if plane else 3
-
-
-def _by_increments_in_world(
-    blocks: np.ndarray, layout: Layout, R: np.ndarray, p: np.ndarray, kinds: list[str]
-) -> np.ndarray:
-    """(N, c, c) covariances by increments in W, of those by the layout's own chart; the plane's in space."""
-    if kinds[:2] != ["position", "rotation"]:
-        raise DataError("rotation", "must come with position: charts mix the two")
-    width = 3 * len(kinds)
-    if blocks.shape[1] != width:
-        flat = np.zeros((len(blocks), width, width))
-        moves = np.array([0, 1, 5, *range(6, width)])
-        flat[:, moves[:, None], moves] = blocks
-        blocks = flat
-    world = np.linalg.inv(layout.chart.from_world(R, p))
-    rest = np.eye(width - 6)
-    J = np.stack([scipy.linalg.block_diag(A, rest) for A in world])
-    out: np.ndarray = J @ blocks @ J.swapaxes(1, 2)
-    return out
 
 
 def main() -> None:

@@ -17,15 +17,16 @@ from ..arrays import indices, instance, reals
 from ..errors import DataError, DegenerateError
 from ..gauge.gauges import FreeGauge
 from ..gauge.group import Group
-from ..gauge.layout import Index, Layout
+from ..gauge.layout import POSE, Index, Layout
 from ..gauge.normals import gauge_normal
+from ..geometry.charts import chart_named
 from ..geometry.so3 import Array
 from .inverses import Inverse
 from .projection import along_orbit, independent_columns
 from .relative import RelativePose, is_still, relative_pose
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EstimateCovariance:
     """The covariance of an estimate by another solver, to be asked for in one gauge after another.
 
@@ -67,6 +68,13 @@ class EstimateCovariance:
     whole: bool = True
     gauge: Any = field(default_factory=FreeGauge)
 
+    def __repr__(self) -> str:
+        layout = self.layout
+        parts = f"{layout.n} columns, {layout.n_keyframes} keyframes, {layout.n_points} points"
+        return (
+            f"EstimateCovariance({parts}, side={layout.side!r}, open={self.open}, measured={self.measured})"
+        )
+
     def in_gauge(self, gauge: Any) -> EstimateCovariance:
         """The same covariance with another gauge for questions that name none; nothing is inverted again.
 
@@ -92,27 +100,64 @@ class EstimateCovariance:
         rows = indices("rows", rows, self.layout.n)
         columns = indices("columns", columns, self.layout.n)
         A, W = self._at(gauge)._projection
-        G = self.inverse.across(rows, columns)
-        return G - A[rows] @ W[columns].T - W[rows] @ A[columns].T
+        out: Array = self.inverse.across(rows, columns) - A[rows] @ W[columns].T - W[rows] @ A[columns].T
+        own = rows[:, None] == columns
+        out[own] = np.maximum(out[own], 0.0)
+        return out
 
     def keyframes(
-        self, gauge: Any = None, keys: Sequence[Hashable] | None = None, kinds: Sequence[str] | None = None
+        self,
+        gauge: Any = None,
+        keys: Sequence[Hashable] | None = None,
+        kinds: Sequence[str] | None = None,
+        *,
+        to: str | None = None,
     ) -> Array:
         """(m, c, c) covariances of single keyframes, all by default; of all their columns, or of some kinds.
+
+        Where the layout names its keyframes, as those of GTSAM, all are those that have these kinds:
+        ``layout.having(kinds)`` in that order.
+
+        ``to`` converts poses from the layout's side to another convention of :func:`vigauge.as_convention`,
+        in that one's order: ``keyframes(gauge, to="ros")`` is (m, 6, 6) for PoseWithCovariance. Other kinds
+        follow the pose. Poses in the plane have zeros for what does not move.
 
         Raises DataError for a key or kind that is not there, or where a keyframe lacks some of the columns.
         """
         layout = self.layout
-        for kind in instance("kinds", kinds or (), Sequence):
-            if not isinstance(kind, str) or kind not in layout.blocks:
-                raise DataError("kind", f"must be one of {', '.join(layout.blocks)}", value=kind)
-        rows = np.concatenate([layout.blocks[kind] for kind in kinds or layout.blocks], axis=1)
-        if keys is not None:
-            rows = rows[[layout.place(key) for key in keys]]
-        if rows.min(initial=0) < 0:
-            row = int(np.flatnonzero((rows < 0).any(axis=1))[0])
-            raise DataError("keys", "this keyframe lacks columns; ask for it with block()", row=row)
-        return self._blocks(rows, gauge)
+        kinds = list(instance("kinds", kinds or (POSE if to is not None else layout.blocks), Iterable))
+        if to is not None:
+            if not set(POSE) <= set(kinds):
+                raise DataError(
+                    "kinds", "must have position and rotation: conventions mix the two", value=kinds
+                )
+            kinds = [*POSE, *(kind for kind in kinds if kind not in POSE)]
+        rows = layout.columns_of(kinds)
+        if keys is None:
+            keys = (layout.keys is not None and layout.having(kinds)) or layout.names
+        at = [layout.place(key) for key in instance("keys", keys, Iterable)]
+        lacking = np.flatnonzero((rows[at] < 0).any(axis=1))
+        if lacking.size:
+            key = layout.names[at[lacking[0]]]
+            rule = f"must have columns of {', '.join(kinds)}: say which kinds, or ask with block()"
+            raise DataError("keys", rule, field=f"keyframe {key}")
+        blocks = self._blocks(rows[at], gauge)
+        if to is None:
+            return blocks
+        pose = layout.chart.to(chart_named("to", to), self.R[at], self.p[at])
+        if layout.blocks["rotation"].shape[1] == 1:  # x, y and the turn about z
+            pose = pose[:, :, [0, 1, 5]]
+        width = pose.shape[2]
+        rest = rows.shape[1] - width
+        J = np.zeros((len(at), 6 + rest, width + rest))
+        J[:, :6, :width], J[:, 6:, width:] = pose, np.eye(rest)
+        return _no_negative_variance(J @ blocks @ J.swapaxes(1, 2))
+
+    @property
+    def poses(self) -> tuple[Array, Array]:
+        """R_WB (m, 3, 3) and p_W (m, 3) of the keyframes that ``keyframes(gauge, to=...)`` has."""
+        at = [self.layout.place(key) for key in self.layout.having(POSE)]
+        return self.R[at], self.p[at]
 
     def landmarks(self, gauge: Any = None, keys: Sequence[Hashable] | None = None) -> Array:
         """(m, 3, 3) covariances of landmarks, all by default, m^2; DataError for one that is not there."""
@@ -172,8 +217,7 @@ class EstimateCovariance:
     def _blocks(self, rows: Index, gauge: Any) -> Array:
         A, W = self._at(gauge)._projection
         cross = A[rows] @ W[rows].swapaxes(1, 2)
-        out: Array = self.inverse.blocks(rows) - cross - cross.swapaxes(1, 2)
-        return out
+        return _no_negative_variance(self.inverse.blocks(rows) - cross - cross.swapaxes(1, 2))
 
     @cached_property
     def _projection(self) -> tuple[Array, Array]:
@@ -223,3 +267,10 @@ class EstimateCovariance:
             return along_orbit(V, self.tangent) @ coordinates
         except DegenerateError as error:
             raise DegenerateError("the gauge's constraints leave part of the group free") from error
+
+
+def _no_negative_variance(C: Array) -> Array:
+    """(m, c, c) covariances with zero variance, not rounding below it, where a gauge holds something."""
+    variances = np.einsum("mcc->mc", C)
+    np.maximum(variances, 0.0, out=variances)
+    return C

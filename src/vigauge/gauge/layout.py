@@ -6,7 +6,7 @@ points, and by which chart a pose moves. The null space follows from them.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from ..geometry.so3 import Array
 from .group import Group, YawTranslation, dimension
 
 Index = NDArray[np.int64]
+POSE = ("position", "rotation")
 _KNOWN = {"position": 3, "rotation": 3, "velocity": 3}
 _UP = (0.0, 0.0, 1.0)
 
@@ -172,6 +173,23 @@ class Layout:
         return columns[columns >= 0]
 
     @cached_property
+    def names(self) -> list[Hashable]:
+        """Keys of all keyframes, in the order of their rows; 0, 1, ... where none were given."""
+        return list(self._place)
+
+    def columns_of(self, kinds: Iterable[str]) -> Index:
+        """(N, c) columns of some kinds, -1 where a keyframe has none; DataError for an unknown kind."""
+        for kind in kinds:
+            if not isinstance(kind, str) or kind not in self.blocks:
+                raise DataError("kind", f"must be one of {', '.join(self.blocks)}", value=kind)
+        return np.concatenate([self.blocks[kind] for kind in kinds], axis=1)
+
+    def having(self, kinds: Iterable[str]) -> list[Hashable]:
+        """Keys of the keyframes with all columns of these kinds; DataError for a kind that is not there."""
+        there = np.flatnonzero((self.columns_of(kinds) >= 0).all(axis=1))
+        return [self.names[row] for row in there.tolist()]
+
+    @cached_property
     def nodes(self) -> Index:
         """(n,) a number for each column, equal for those of one keyframe, point, or column without a name."""
         node = np.full(self.n + 1, -1, dtype=np.int64)
@@ -188,8 +206,7 @@ class Layout:
         for kind, columns in self.blocks.items():
             row = np.flatnonzero((columns == column).any(axis=1))
             if row.size:
-                key = list(self._place)[int(row[0])]
-                return f"{kind} of keyframe {key}"
+                return f"{kind} of keyframe {self.names[int(row[0])]}"
         row = np.flatnonzero((self.points == column).any(axis=1))
         return f"point {list(self._point_place)[int(row[0])]}" if row.size else f"column {column}"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,6 +26,7 @@ class Distance:
 
     first: Hashable = 0
     second: Hashable = 1
+    name: ClassVar[str] = "distance"
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class MeanDepth:
     """The scale is given by the mean distance of all points from a keyframe, by its key."""
 
     keyframe: Hashable = 0
+    name: ClassVar[str] = "depth"
 
 
 def gauge_normal(

@@ -14,6 +14,8 @@ from ..arrays import reals, require_rotations, shape_of
 from ..errors import DataError
 from .so3 import Array, hat
 
+_ROTATION_FIRST = [3, 4, 5, 0, 1, 2]
+
 
 @dataclass(frozen=True)
 class Chart:
@@ -51,6 +53,11 @@ class Chart:
             if self.position == "twist":
                 A[:, :3, 3:] = hat(p)
         return A
+
+    def to(self, other: Chart, R: Array, p: Array) -> Array:
+        """(N, 6, 6) the other chart's increment, in its own order, by (position, rotation) of this one."""
+        A = other.from_world(R, p) @ np.linalg.inv(self.from_world(R, p))
+        return A[:, _ROTATION_FIRST] if other.rotation_first else A
 
 
 CHARTS = {
@@ -126,12 +133,8 @@ def as_convention(
             raise DataError("p", f"must be given: '{to}' or '{source}' turns positions about the origin")
         p = np.zeros((len(C), 3))
     p = reals("p", p, (3,) if single and len(shape_of("p", p)) == 1 else (len(C), 3)).reshape(-1, 3)
-    given, wanted = (_ordered(chart, chart.from_world(R, p)) for chart in charts)
-    J = wanted @ np.linalg.inv(given)
+    J = charts[0].to(charts[1], R, p)
+    J = J[:, :, _ROTATION_FIRST] if charts[0].rotation_first else J
     out = J @ C @ J.swapaxes(1, 2)
     out = 0.5 * (out + out.swapaxes(1, 2))
     return out[0] if single else out
-
-
-def _ordered(chart: Chart, A: Array) -> Array:
-    return A[:, [3, 4, 5, 0, 1, 2]] if chart.rotation_first else A

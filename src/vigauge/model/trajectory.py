@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +126,16 @@ class Trajectory:
         return [AXES[kind][1] for kind in self.kinds for _ in range(3)]
 
 
+@runtime_checkable
+class Posed(Protocol):
+    """What knows poses and their covariances: an EstimateCovariance."""
+
+    @property
+    def poses(self) -> tuple[Array, Array]: ...
+
+    def keyframes(self, gauge: Any, *, to: str) -> Array: ...
+
+
 def trajectory_of(
     estimate: object,
     covariance: Array | None,
@@ -143,6 +154,13 @@ def trajectory_of(
             raise DataError("trajectory", "has its own; use dataclasses.replace", field=", ".join(extra))
         return estimate
     v: object = None
+    if isinstance(estimate, Posed):
+        if covariance is None and gauge:
+            if isinstance(gauge, str):
+                rule = "must be a gauge, such as vg.CentroidGauge(), for the covariance to be asked for"
+                raise DataError("gauge", rule, value=gauge)
+            covariance, kinds = estimate.keyframes(gauge, to="left"), _USUAL_KINDS[6]
+        estimate = estimate.poses
     if isinstance(estimate, State):
         estimate.require_valid()
         R, p, v = estimate.R_WB, estimate.p_W, estimate.v_W
@@ -194,14 +212,18 @@ def _left_first(trajectory: Trajectory, state: State) -> Trajectory:
 
 
 def _gauge_name(gauge: object) -> str:
-    """'keyframe:5': a gauge's own name, with its keyframe where it has one."""
+    """'keyframe:5': a gauge's own name, with its keyframe where it has one; those of a tuple in a row."""
     if isinstance(gauge, str):
         return gauge
+    if isinstance(gauge, tuple) and gauge:
+        return " ".join(map(_gauge_name, gauge))
     name = getattr(gauge, "name", None)
     if not isinstance(name, str):
         raise DataError("gauge", "must be a gauge or the name of one", value=gauge)
-    index = getattr(gauge, "index", None)
-    return name if index is None else f"{name}:{index}"
+    keys = [
+        getattr(gauge, field) for field in ("index", "first", "second", "keyframe") if hasattr(gauge, field)
+    ]
+    return ":".join([name, *map(str, keys)])
 
 
 def _symmetric(C: Array) -> Array:
