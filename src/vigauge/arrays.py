@@ -144,10 +144,15 @@ def symmetric(what: str, value: object, n: int | str = "n") -> Array:
     excess = np.abs(matrix - matrix.T) - (_ASYMMETRY * size)[:, None] * size
     if excess.max() > 0.0:
         at = np.unravel_index(int(np.argmax(excess)), matrix.shape)
-        rule = "must be symmetric; where only rounding is in the way, give 0.5 * (A + A.T)"
-        pair = float(matrix[at]), float(matrix.T[at])
-        raise _misplaced(what, rule, tuple(map(int, at)), None, pair)
+        raise _asymmetric(what, tuple(map(int, at)), float(matrix[at]), float(matrix.T[at]))
     return matrix
+
+
+def _asymmetric(what: str, at: tuple[int, ...], value: float, mirrored: float) -> DataError:
+    rule = "must be symmetric; where only rounding is in the way, give 0.5 * (A + A.T)"
+    if not (value and mirrored):
+        rule = "must be symmetric, with both triangles; give L + L.T - diag(diagonal) of one triangle L"
+    return _misplaced(what, rule, at, None, (value, mirrored))
 
 
 def sparse_reals(what: str, value: Any, shape: tuple[int | str, int]) -> Any:
@@ -180,9 +185,8 @@ def sparse_symmetric(what: str, value: Any, n: int) -> Any:
     excess = np.abs(difference.data) - _ASYMMETRY * size[difference.row] * size[difference.col]
     if excess.max(initial=0.0) > 0.0:
         at = int(np.argmax(excess))
-        rule = "must be symmetric, with both triangles; give (L + L.T - diagonal) of one triangle L"
         where = int(difference.row[at]), int(difference.col[at])
-        raise _misplaced(what, rule, where, None, difference.data[at])
+        raise _asymmetric(what, where, float(matrix[where]), float(matrix[where[::-1]]))
     return matrix
 
 

@@ -95,7 +95,14 @@ class SolverError(VigaugeError):
 
 
 class DegenerateError(SolverError):
-    """More directions are unobservable than the gauge explains; no covariance is given."""
+    """More directions are unobservable than the gauge explains; no covariance is given.
+
+    ``parameters`` are the columns that such a direction is mostly of, where that is known.
+    """
+
+    def __init__(self, message: str, *, parameters: tuple[int, ...] = ()) -> None:
+        super().__init__(message)
+        self.parameters = parameters
 
 
 class IndefiniteError(DegenerateError):

@@ -398,10 +398,23 @@ def test_refusals(build) -> None:
         build(apart, layout, *at.args)
     # Poses of another estimate.
     other = random_estimate(8, 0, rng)
-    with pytest.raises(vg.DegenerateError, match="poses are not those"):
+    with pytest.raises(vg.DegenerateError, match="points are not those"):
         build(J, layout, *other.args)
     with pytest.raises(vg.DataError, match="keyframe of the layout"):
         build(J, layout, *at.args).block(0, 8)
+
+
+def test_a_refusal_says_what_the_audit_finds(build) -> None:
+    """Inverted poses, and a point that one view saw: catches a user left with 'singular' alone."""
+    layout = vg.Layout.by_keyframe(8, BLOCKS, points=5, side="right")
+    at, _, J = problem(layout, vg.YawTranslation(), np.random.default_rng(11))
+    R_T = at.R.swapaxes(1, 2)
+    with pytest.raises(vg.DegenerateError, match="An audit finds: poses are those of the world in the body"):
+        build(J, layout, (R_T, -np.einsum("nij,nj->ni", R_T, at.p)), at.v, at.X)
+    seen = np.flatnonzero(np.abs(J[:, layout.points[3]]).sum(axis=1) > 0.0)
+    once = J[np.setdiff1d(np.arange(J.shape[0]), seen[2:])].tocsr()
+    with pytest.raises(vg.DegenerateError, match="An audit finds: nothing measures point 3 in 1 direction"):
+        build(once, layout, *at.args)
 
 
 @pytest.mark.parametrize("sparse", [False, True])
@@ -423,9 +436,14 @@ def test_refused_matrices(sparse: bool, monkeypatch: pytest.MonkeyPatch) -> None
     refused(H[:-1, :-1], vg.DataError, "shape")
     refused(H.astype(np.float32), vg.DataError, "64-bit")
     gap = np.where((np.arange(72) == 5)[:, None] | (np.arange(72) == 5), 0.0, H)
-    refused(gap, vg.DataError, "nothing measures this parameter")
+    refused(gap, vg.DataError, "row 5, position of keyframe 0: .* nothing measures this parameter")
+    refused(np.triu(H), vg.DataError, "both triangles")
     w = np.random.default_rng(13).standard_normal(72)
     basis, _ = np.linalg.qr(T)
     w -= basis @ (basis.T @ w)
     negative = H - 2.0 * np.outer(w, w) / (w @ np.linalg.pinv(H) @ w)
-    refused(negative, vg.IndefiniteError, "not positive semidefinite")
+    refused(
+        negative,
+        vg.IndefiniteError,
+        r"not positive semidefinite.* \((position|rotation|velocity) of keyframe",
+    )

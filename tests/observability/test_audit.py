@@ -1,5 +1,6 @@
 """The audit of an information matrix: each fault put in by hand is named, and a sound matrix has none."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -49,6 +50,67 @@ def test_another_chart(truth: str, told: str) -> None:
     found = vg.audit(H, replace(layout, side=told), *at.args)
     assert [concern.kind for concern in found] == ([] if truth == told else ["chart"])
     assert all(f"side='{truth}', not '{told}'" in str(concern) for concern in found)
+
+
+def test_a_layout_with_exchanged_columns() -> None:
+    """Alone, and together with another side: both are named."""
+    H, layout, at = sound("right")
+    blocks = {**layout.blocks, "position": layout.blocks["rotation"], "rotation": layout.blocks["position"]}
+    for side, words in (
+        ("right", "exchanged in the layout: 4"),
+        ("gtsam", "and poses of H .*side='right', not"),
+    ):
+        (concern,) = vg.audit(H, replace(layout, blocks=blocks, side=side), *at.args)
+        assert concern.kind == "order" and re.search(words, concern.sentence)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_another_estimate_than_that_of_H(sparse: bool) -> None:
+    """Poses of the world in the body, velocities in the body, and gravity along another axis."""
+    H, layout, at = sound()
+    if sparse:
+        H = scipy.sparse.csr_array(H)
+    R_T = at.R.swapaxes(1, 2)
+    inverse = R_T, -np.einsum("nij,nj->ni", R_T, at.p)
+    body = np.einsum("nij,nj->ni", R_T, at.v)
+    assert [c.kind for c in vg.audit(H, layout, inverse, at.v, at.X)] == ["poses"]
+    assert [c.kind for c in vg.audit(H, layout, (at.R, at.p), body, at.X)] == ["velocities"]
+    (concern,) = vg.audit(H, layout, *at.args, gravity=(0.02, 0.0, -1.0))
+    assert concern.kind == "gravity" and "along (0.0, 0.0, -1.0) in W" in concern.sentence
+    assert not vg.audit(H, layout, *at.args, gravity=(0.0, 0.0, 9.81))  # the axis is what counts
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_what_nothing_measures_is_named(sparse: bool) -> None:
+    """A point that one view saw, and a velocity without measurements, beside a gauge that is open."""
+    layout = vg.Layout.by_keyframe(6, ["rotation", "position", "velocity"], points=5, side="right")
+    at, _, J = problem(layout, vg.YawTranslation(), np.random.default_rng(3))
+    rows = J.toarray()
+    seen = np.flatnonzero(np.abs(rows[:, layout.points[3]]).sum(axis=1) > 0.0)
+    rows = np.delete(rows, seen[2:], axis=0)
+    rows = rows[np.abs(rows[:, layout.columns(1, "velocity")]).sum(axis=1) == 0.0]
+    H = rows.T @ rows
+    found = vg.audit(scipy.sparse.csc_array(H) if sparse else H, layout, *at.args)
+    names = [str(concern) for concern in found if concern.kind == "unmeasured"]
+    assert names and "velocity of keyframe 1 in 3 directions, point 3 in 1 direction:" in names[0]
+
+
+def test_parts_that_nothing_joins() -> None:
+    layout = vg.Layout.by_keyframe(6, ["rotation", "position", "velocity"], side="right")
+    at, _, J = problem(layout, vg.YawTranslation(), np.random.default_rng(3))
+    cut = layout.columns(2).min()
+    rows = J.toarray()
+    both = (np.abs(rows[:, :cut]).sum(axis=1) > 0.0) & (np.abs(rows[:, cut:]).sum(axis=1) > 0.0)
+    H = rows[~both].T @ rows[~both]
+    (concern,) = vg.audit(H, layout, *at.args)
+    assert concern.kind == "parts" and "keyframes 0, 1 and keyframes 2, 3, 4, 5:" in concern.sentence
+
+
+def test_a_group_that_is_too_small() -> None:
+    for true, told, word in ((1, 0, "Euclidean"), (2, 0, "Similarity"), (2, 1, "Similarity")):
+        H, layout, at = sound(group=GROUPS[true])
+        concerns = vg.audit(H, layout, *at.args, group=GROUPS[told])
+        assert [c.kind for c in concerns] == ["group"] and f"group=vg.{word}()" in str(concerns[0])
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("millimetres", 1e3), ("degrees", 180.0 / np.pi)])

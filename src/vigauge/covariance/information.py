@@ -16,6 +16,7 @@ from ..gauge.group import Group, YawTranslation
 from ..gauge.layout import Index, Layout, null_space
 from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
+from ..observability.audit import audit
 from ..sparsity.rounding import NOTHING, rounding
 from .estimate import EstimateCovariance
 from .foreign import generalised_inverse
@@ -187,6 +188,7 @@ class _Estimate:
         vectors: Mapping[str, Array] | None,
     ) -> None:
         self.layout, self.points, self.gravity = layout, points, gravity
+        self.rest = {"velocities": velocities, "vectors": vectors}
         self.group = YawTranslation() if group is None else group
         self.R, self.p = poses_of(poses, layout.n_keyframes)
         tangent = null_space(
@@ -257,14 +259,38 @@ class _Estimate:
         combinations = [f"combination of {', '.join(mixed)}"] * (U.shape[1] - len(own))
         return (*own, *combinations)
 
-    def refusal(self, error: DegenerateError, measured: tuple[str, ...]) -> DegenerateError:
-        """A singular H: what of the group was found measured is the first suspect."""
-        if not measured:
-            return error
-        return DegenerateError(
-            f"{error}. H has some information along {', '.join(measured)}: where nothing absolute was"
-            " measured, the poses are not those at which H was made, or lost digits"
+    def refusal(self, error: DegenerateError, measured: tuple[str, ...], H: Any) -> DegenerateError:
+        """What an audit finds in a singular or indefinite H; else what was found measured is the suspect."""
+        hint, name = self._audited(H), ""
+        if error.parameters:
+            names = dict.fromkeys(map(self.layout.name_of, error.parameters))
+            name = f" ({', '.join(names)})"
+        if not hint and measured:
+            hint = (
+                f". H has some information along {', '.join(measured)}: where nothing absolute was measured,"
+                " the poses, velocities or points are not those at which H was made, or lost digits"
+            )
+        return type(error)(f"{error}{name}{hint}")
+
+    def other_poses(self, leak: float, H: Any) -> DataError:
+        return DataError(
+            "poses",
+            f"must be those at which H was made: it has {leak:.0e} of its diagonal along the directions that"
+            " the measurements do not see. Or they have too few digits (take all about a local origin), or"
+            f" the layout names another side, or a little damping is left in H{self._audited(H)}",
         )
+
+    def _audited(self, H: Any) -> str:
+        found = audit(
+            0.5 * (H + H.T),
+            self.layout,
+            (self.R, self.p),
+            points=self.points,
+            group=self.group,
+            gravity=self.gravity,
+            **self.rest,  # type: ignore[arg-type]
+        )
+        return "".join(f". An audit finds: {concern}" for concern in found)
 
 
 _Found = tuple[Inverse, Array, tuple[str, ...], float, Index]
@@ -278,26 +304,24 @@ def _held(N: Array) -> Index:
     return np.sort(pivots[: N.shape[1]]).astype(np.int64)
 
 
-def _scale(diagonal: Array) -> Array:
+def _scale(diagonal: Array, layout: Layout) -> Array:
     if not np.all(diagonal > NOTHING):
         row = int(np.argmin(diagonal))
         rule = "diagonal must be positive: nothing measures this parameter, take its row and column out"
-        raise DataError("H", rule, row=row, value=float(diagonal[row]))
+        raise DataError("H", rule, row=row, field=layout.name_of(row), value=float(diagonal[row]))
     return 1.0 / np.sqrt(diagonal)
 
 
 def _dense(H: Array, estimate: _Estimate) -> _Found:
-    scale = _scale(np.diagonal(H))
+    scale = _scale(np.diagonal(H), estimate.layout)
     A = H * scale[:, None] * scale
     N, measured, _ = estimate.split(lambda B: A @ B, scale)
     try:
         G, N = generalised_inverse(A, N)
-    except IndefiniteError:
-        raise
     except DegenerateError as error:
-        raise estimate.refusal(error, measured) from error
+        raise estimate.refusal(error, measured, H) from error
     except DataError as error:
-        raise _other_poses(float(np.linalg.norm(A @ N))) from error
+        raise estimate.other_poses(float(np.linalg.norm(A @ N)), H) from error
     held = _held(N)
     half = np.linalg.cholesky(A + N @ N.T)
     log_det = 2.0 * float(np.sum(np.log(np.diagonal(half)))) + 2.0 * np.linalg.slogdet(N[held])[1]
@@ -307,7 +331,7 @@ def _dense(H: Array, estimate: _Estimate) -> _Found:
 
 def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
     """From a dense Jacobian, by its QR factor with columns held."""
-    scale = _scale(np.einsum("ij,ij->j", J, J))
+    scale = _scale(np.einsum("ij,ij->j", J, J), estimate.layout)
     A = J * scale
     n = A.shape[1]
     N, measured, leak = estimate.split(lambda B: A @ B, scale, jacobian=True)
@@ -318,9 +342,9 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
     size = float(np.linalg.norm(inverse)) if not info else np.inf
     if not size * rounding(n) <= 1.0:
         error = DegenerateError("more is unobservable than the gauge: the Jacobian has too small a rank")
-        raise estimate.refusal(error, measured)
+        raise estimate.refusal(error, measured, J.T @ J)
     if leak * size > _HARMLESS:
-        raise _other_poses(leak)
+        raise estimate.other_poses(leak, J.T @ J)
     G = np.zeros((n, n))
     G[np.ix_(keep, keep)] = inverse @ inverse.T
     log_det = 2.0 * float(np.sum(np.log(np.abs(np.diagonal(R)))) - np.sum(np.log(scale[keep])))
@@ -328,25 +352,14 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
 
 
 def _sparse(H: Any, estimate: _Estimate) -> _Found:
-    scale = _scale(H.diagonal())
+    scale = _scale(H.diagonal(), estimate.layout)
     N, measured, leak = estimate.split(lambda B: scale[:, None] * (H @ (scale[:, None] * B)), scale)
     held = _held(N)
     try:
         inverse = SparseInverse(H, scale, estimate.layout.nodes, held)
-    except IndefiniteError:
-        raise
     except DegenerateError as error:
-        raise estimate.refusal(error, measured) from error
+        raise estimate.refusal(error, measured, H) from error
     if leak * inverse.size > _HARMLESS:
-        raise _other_poses(leak)
+        raise estimate.other_poses(leak, H)
     log_det = inverse.log_det - 2.0 * float(np.sum(np.log(np.delete(scale, held))))
     return Scaled(inverse, scale), N * scale[:, None], measured, log_det, held
-
-
-def _other_poses(leak: float) -> DataError:
-    return DataError(
-        "poses",
-        f"must be those at which H was made: it has {leak:.0e} of its diagonal along the directions that the"
-        " measurements do not see. Or they have too few digits (take all about a local origin), or the layout"
-        " names another side",
-    )

@@ -68,9 +68,11 @@ class SparseInverse:
             # Of a singular matrix the pivots after the first zero are rounding errors: lift it from zero.
             place, pivot = self._factorise(H, scale, _LIFT * rounding(self.n))
             if place >= 0:
+                at = int(self.order[place])
                 raise IndefiniteError(
-                    f"H is not positive semidefinite: a pivot of {pivot:.0e} of its diagonal at column"
-                    f" {self.order[place]}. It is no sum of squares, or lost digits"
+                    f"H is not positive semidefinite: a pivot of {pivot:.0e} of its diagonal at column {at}."
+                    " It is no sum of squares, or lost digits",
+                    parameters=(at,),
                 )
             raise DegenerateError("more is unobservable than the gauge: H is singular to rounding")
         self.size = self._largest()
@@ -95,7 +97,8 @@ class SparseInverse:
             worst = int(self.order[np.argmax(np.abs(X[:, 0]))])
             raise DegenerateError(
                 f"more is unobservable than the gauge: the scaled information is singular"
-                f" (below {1.0 / size:.0e}, mostly in column {worst})"
+                f" (below {1.0 / size:.0e}, mostly in column {worst})",
+                parameters=(worst,),
             )
         return size
 

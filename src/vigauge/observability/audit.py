@@ -7,8 +7,8 @@ another U, a prior leaves the rows of its keyframe, and a lost block those of th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,10 @@ import scipy.sparse
 from ..arrays import instance, sparse_symmetric, symmetric
 from ..gauge.group import Group
 from ..gauge.layout import Index, Layout, null_space
-from ..geometry.charts import CHARTS
 from ..geometry.so3 import Array
 from ..sparsity.rounding import NOTHING, rounding
+from .hypotheses import Hypothesis, larger_groups, other_estimates, other_layouts, other_units
+from .own_blocks import separate, unmeasured
 
 # A diagonal over more decades than this hides its small entries below the rounding of its large ones.
 _DECADES = 12.0
@@ -28,14 +29,15 @@ _UNEXPLAINED = 1e-4
 # Information beyond that of a usual keyframe at which a column counts as held.
 _HELD = 100.0
 _POSE = 6
-# Units that H may have in place of the estimate's, by how many of them make one of its own.
-_LENGTHS = {"millimetres": 1e3, "centimetres": 1e2, "kilometres": 1e-3}
-_DEGREE = 180.0 / np.pi
 
 
 @dataclass(frozen=True)
 class Concern:
-    """One finding: ``kind`` is "spread", "damping", "chart", "units", "prior" or "block"."""
+    """One finding, in a sentence.
+
+    ``kind`` is "spread", "unmeasured", "parts", "group", "damping", "units", "chart", "order", "poses",
+    "velocities", "gravity", "prior" or "block".
+    """
 
     kind: str
     sentence: str
@@ -53,12 +55,15 @@ def audit(
     *,
     group: Group | None = None,
     gravity: object = None,
+    vectors: Mapping[str, Array] | None = None,
 ) -> tuple[Concern, ...]:
     """What looks wrong with an information matrix, each in a sentence; nothing where nothing does.
 
-    Takes what ``Covariance.from_hessian`` takes. Finds damping left in, another chart or unit than the
-    layout's, a prior on one keyframe (and whether it holds more than is free), a lost block between two
-    keyframes or points, and a diagonal too wide for thresholds on the matrix as it stands. Absolute
+    Takes what ``Covariance.from_hessian`` takes. Finds damping left in, another chart, order or unit than the
+    layout's, poses that are inverted, velocities in the body, another direction of gravity, a prior on one
+    keyframe (and whether it holds more than is free), a lost block between two keyframes or points,
+    keyframes and points that too little measures, parts that nothing joins, a scale or tilt that is open
+    beyond the group, and a diagonal too wide for thresholds on the matrix as it stands. Absolute
     measurements of several keyframes are no fault.
 
     Raises DataError where shapes do not fit, entries are not finite, or H is not symmetric.
@@ -67,18 +72,32 @@ def audit(
     sparse = scipy.sparse.issparse(H)
     H = sparse_symmetric("H", H, layout.n) if sparse else symmetric("H", H, layout.n)
     diagonal = H.diagonal()
-    out = list(_spread(diagonal, layout))
-
-    def tangent(of: Layout) -> Array:
-        return null_space(of, poses, velocities, points, group=group, gravity=gravity)
-
-    U = tangent(layout)
+    given: dict[str, Any] = {
+        "layout": layout,
+        "poses": poses,
+        "velocities": velocities,
+        "points": points,
+        "group": group,
+        "gravity": gravity,
+        "vectors": vectors,
+    }
+    U = null_space(**given)
     found = _Leak.of(H, diagonal, U)
-    if found.seen:
-        damping = _damping(found, diagonal)
-        other = damping or _other_tangent(H, diagonal, found.seen, layout, U, tangent)
-        out += other or _prior(H, found, diagonal, layout) or _lost_block(H, found, layout)
-    return tuple(out)
+    out = [*_spread(diagonal, layout), *_open(H, found, layout)]
+    if not found.seen:
+        return (*out, *_first(H, diagonal, larger_groups(given)))
+    looks = f": {found.seen} directions look measured that are not"
+    return (
+        *out,
+        *(
+            _damping(found, diagonal)
+            or _first(H, diagonal, other_units(layout, U))
+            or _first(H, diagonal, other_layouts(given), looks)
+            or _first(H, diagonal, other_estimates(H, given))
+            or _prior(H, found, diagonal, layout)
+            or _lost_block(H, found, layout)
+        ),
+    )
 
 
 @dataclass(frozen=True)
@@ -115,6 +134,14 @@ def _spread(diagonal: Array, layout: Layout) -> Iterator[Concern]:
         )
 
 
+def _open(H: Any, found: _Leak, layout: Layout) -> Iterator[Concern]:
+    if names := unmeasured(H, layout, found.scale, found.N):
+        sentence = f"nothing measures {names}: take it out of H, or add what measures it"
+        yield Concern("unmeasured", sentence)
+    if parts := separate(H, layout):
+        yield Concern("parts", f"nothing joins keyframes {parts}: each part has a gauge of its own")
+
+
 def _damping(found: _Leak, diagonal: Array) -> list[Concern]:
     """H U = lambda diag(H) U, or lambda U, for all of U."""
     if found.seen < found.N.shape[1]:
@@ -133,30 +160,11 @@ def _damping(found: _Leak, diagonal: Array) -> list[Concern]:
     return []
 
 
-def _other_tangent(
-    H: Any, diagonal: Array, seen: int, layout: Layout, U: Array, tangent: Any
-) -> list[Concern]:
-    """Other charts and units, of which H does not see the directions."""
-    lengths = np.concatenate(
-        [layout.blocks[kind].ravel() for kind in ("position", "velocity") if kind in layout.blocks]
-        + [layout.points.ravel()]
-    )
-    turns = layout.blocks["rotation"].ravel() if "rotation" in layout.blocks else lengths[:0]
-    units = [(lengths, factor, f"lengths of H are in {name}") for name, factor in _LENGTHS.items()]
-    units.append((turns, _DEGREE, "rotations of H are in degrees"))
-    for columns, factor, text in units:
-        other = U.copy()
-        other[columns[columns >= 0]] *= factor
-        if not _Leak.of(H, diagonal, other).seen:
-            sentence = f"{text}, where the estimate is in metres and radians: bring both to one unit"
-            return [Concern("units", sentence)]
-    for side, chart in CHARTS.items():
-        if chart != layout.chart and not _Leak.of(H, diagonal, tangent(replace(layout, side=side))).seen:
-            sentence = (
-                f"poses of H are perturbed as in side='{side}', not '{layout.side}' as the layout says:"
-                f" {seen} directions look measured that are not"
-            )
-            return [Concern("chart", sentence)]
+def _first(H: Any, diagonal: Array, hypotheses: Iterable[Hypothesis], more: str = "") -> list[Concern]:
+    """The first hypothesis with directions that H does not see."""
+    for kind, sentence, U in hypotheses:
+        if not _Leak.of(H, diagonal, U).seen:
+            return [Concern(kind, sentence + more)]
     return []
 
 

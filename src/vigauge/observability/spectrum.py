@@ -139,7 +139,8 @@ def indefinite(value: float, direction: Array) -> IndefiniteError:
     return IndefiniteError(
         f"H is not positive semidefinite: {value:.0e} of its diagonal in a direction mostly of"
         f" parameter {', '.join(map(str, where))}. It is no sum of squares, or lost digits"
-        " (stored in single precision, or as differences of large numbers)"
+        " (stored in single precision, or as differences of large numbers)",
+        parameters=tuple(where),
     )
 
 
