@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse
 
 import vigauge as vg
 from support import ROOT
@@ -119,3 +120,19 @@ def test_files_that_do_not_fit_are_refused(
     (tmp_path / "cols.bin").unlink()
     with pytest.raises(vg.DataError, match="cols.bin: file must exist"):
         ceres.covariance(tmp_path, LAYOUT, poses, points=points)
+    (tmp_path / "cols.txt").write_text("0 1\n2.5\n")
+    with pytest.raises(vg.DataError, match="cols.txt, row 2"):
+        ceres.covariance(tmp_path, LAYOUT, poses, points=points)
+
+
+def test_text_is_read_as_binary_is(tmp_path: Path) -> None:
+    J = np.random.default_rng(0).standard_normal((5, 4)) * [1e-9, 1.0, 1e9, 0.0]
+    J = scipy.sparse.csr_array(J)
+    parts = {"rows": J.indptr, "cols": J.indices, "values": J.data}
+    for ending in ("txt", "bin"):
+        for name, part in parts.items():
+            if ending == "bin":
+                part.tofile(tmp_path / f"{name}.bin")
+            else:
+                (tmp_path / f"{name}.txt").write_text("\n".join(map(repr, part.tolist())))
+        np.testing.assert_array_equal(ceres.read_jacobian(tmp_path, 4).toarray(), J.toarray())

@@ -11,7 +11,7 @@ import vigauge as vg
 gtsam = pytest.importorskip("gtsam", reason="needs GTSAM: pip install gtsam")
 from gtsam.symbol_shorthand import B, L, V, X  # noqa: E402
 
-from vigauge.adapters.gtsam import covariance  # noqa: E402
+from vigauge.adapters.gtsam import covariance, information  # noqa: E402
 
 pytestmark = pytest.mark.oracle
 
@@ -205,6 +205,24 @@ def test_poses_are_saved_without_the_other_variables(tmp_path: Path) -> None:
         found.keyframes(vg.CentroidGauge())
 
 
+def test_a_measured_pose_is_taken_as_it_is() -> None:
+    graph, values = pose_graph()
+    relative = covariance(graph, values).relative_pose(X(1), X(4))
+    measured = values.atPose3(X(1)).between(values.atPose3(X(4))).retract(np.full(6, 0.1))
+    expected = relative.mahalanobis(measured.matrix()).squared_distance
+    assert expected > 0.1
+    assert relative.mahalanobis(measured).squared_distance == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_audit_names_the_variables_of_a_graph() -> None:
+    """Catches a prior left in that only shows as too small sigmas."""
+    graph, values = inertial_graph(gtsam.Rot3())
+    assert not information(graph, values).audit()
+    graph.add(gtsam.PriorFactorPose3(X(2), values.atPose3(X(2)), gtsam.noiseModel.Isotropic.Sigma(6, 1e-4)))
+    (concern,) = information(graph, values).audit()
+    assert concern.kind == "prior" and "a prior on keyframe x2" in concern.sentence
+
+
 def test_what_is_not_known_is_refused_by_name() -> None:
     graph, values = pose_graph()
     noise = gtsam.noiseModel.Isotropic.Sigma(3, 0.1)
@@ -214,7 +232,7 @@ def test_what_is_not_known_is_refused_by_name() -> None:
     lone.add(gtsam.PriorFactorPoint3(L(0), np.zeros(3), noise))
     refused(lone, values, "variable l0: must have every variable")
     values.insert(L(0), np.zeros(3))
-    refused(lone, values, "variable l0: must be a velocity or a point .*no such factor")
+    refused(lone, values, "variable l0: must be a velocity or a point .*no factor, or behind")
     turned = gtsam.NonlinearFactorGraph(graph)
     turned.add(gtsam.PriorFactorRot3(L(1), gtsam.Rot3(), noise))
     values.insert(L(1), gtsam.Rot3())

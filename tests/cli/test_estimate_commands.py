@@ -107,6 +107,19 @@ def test_covariance_of_an_information_matrix(tmp_path: Path, side: str, csr: boo
         np.testing.assert_allclose(found.covariance[k], expected, atol=1e-6 * np.abs(whole).max())
 
 
+def test_what_is_absolute_in_a_matrix_is_said(tmp_path: Path) -> None:
+    """Catches a prior left in H, for which no gauge changes the sigmas, in a file that says it is in one."""
+    arrays = information("right", csr=False)
+    at = np.concatenate([arrays["position"][1], arrays["rotation"][1]])
+    arrays["H"][at, at] += 1e4
+    np.savez(tmp_path / "H.npz", **arrays)
+    done = command("covariance", tmp_path / "H.npz", "--gauge", "centroid", "--out", tmp_path / "poses.csv")
+    assert done.returncode == 0
+    assert "H has information along yaw, x, y, z, which no gauge takes out" in done.stderr
+    assert "a prior on keyframe 1" in done.stderr
+    assert vg.load_trajectory(tmp_path / "poses.csv").gauge == "centroid (measured: yaw x y z)"
+
+
 def foreign_estimate(given: Information) -> Estimate:
     return Estimate(given.R, given.p, given.velocities, given.points)
 

@@ -242,6 +242,9 @@ def test_relative_poses_are_gauge_free(build) -> None:
     for V in (T, np.random.default_rng(6).standard_normal(T.shape)):
         close(found.covariance, gradient.T @ oracle(J.toarray(), V) @ gradient, 1e-8)
     error = np.random.default_rng(7).multivariate_normal(np.zeros(6), found.covariance)
+    for wrong in (np.eye(5)[:, :4], np.zeros(6)):
+        with pytest.raises(vg.DataError, match=r"measured|\(N, 3, 4\)"):
+            found.mahalanobis(wrong)
     test = found.mahalanobis((so3.exp(error[3:]) @ found.R, found.p + error[:3]))
     np.testing.assert_allclose(
         test.squared_distance, error @ np.linalg.solve(found.covariance, error), rtol=1e-9

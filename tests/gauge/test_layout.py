@@ -137,11 +137,11 @@ def test_conventions_agree_with_differences(source: str, to: str) -> None:
         (lambda: vg.Layout(3, {"position": [[0, 1, 2]]}, side="body"), "left, ros, right"),
         (lambda: vg.Layout.by_keyframe(2, ["bias"]), "name:columns"),
         (lambda: vg.Layout.by_keyframe(2, ["position"], keys=["a", "a"]), "different names"),
-        (lambda: layout_of("left").columns(9), "keyframe of the layout"),
+        (lambda: layout_of("left").columns(9), "keyframe of the layout, such as 0"),
         (lambda: vg.null_space(layout_of("left"), np.zeros((4, 3, 4))), "rotation"),
         (lambda: vg.null_space(layout_of("left"), AT_ORIGIN), "velocities"),
         (lambda: vg.as_convention(np.eye(6), np.eye(3), to="colmap"), "must be given"),
-        (lambda: vg.gauge_normal(layout_of("left"), AT_ORIGIN, vg.PriorGauge(1.0)), "first"),
+        (lambda: vg.gauge_normal(layout_of("left"), AT_ORIGIN, vg.PriorGauge(1.0)), "FixedGauge"),
         (lambda: vg.gauge_normal(layout_of("left"), AT_ORIGIN, vg.Distance(0, 1)), "apart"),
     ],
 )

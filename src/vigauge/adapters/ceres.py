@@ -16,9 +16,9 @@ from ..errors import DataError
 from ..gauge.group import Group
 from ..gauge.layout import Layout
 from ..geometry.so3 import Array
-from ..model.text_file import PathLike
+from ..model.text_file import PathLike, number_in, read_text
 
-_FILES = {"rows.bin": np.int32, "cols.bin": np.int32, "values.bin": np.float64}
+_FILES = {"rows": np.int32, "cols": np.int32, "values": np.float64}
 
 
 def covariance(
@@ -40,7 +40,7 @@ def covariance(
 
     Parameters
     ----------
-    folder : has rows.bin and cols.bin (int32), values.bin (double)
+    folder : has rows.bin and cols.bin (int32), values.bin (double), or the same numbers in .txt
     layout : what the columns stand for
     poses, velocities, points, group, gravity, vectors : as :func:`vigauge.null_space` takes them
 
@@ -52,13 +52,21 @@ def covariance(
     DegenerateError
         where more than the group is unobservable
     """
-    rows, cols, values = (_read(Path(folder) / name, np.dtype(kind)) for name, kind in _FILES.items())
-    try:
-        J = jacobian(rows, cols, values, layout.n)
-    except DataError as error:
-        raise DataError(folder, f"{error.file}: {error.rule}", row=error.row, value=error.value) from error
+    J = read_jacobian(folder, layout.n)
     estimate: dict[str, Any] = {"group": group, "gravity": gravity, "vectors": vectors}
     return from_jacobian(J, layout, poses, velocities, points, **estimate)
+
+
+def read_jacobian(folder: PathLike, n: int) -> Any:
+    """(m, n) sparse, of the files that :func:`covariance` reads; ``vg.audit`` takes ``J.T @ J``.
+
+    Raises DataError for files that are missing or do not fit each other or ``n``.
+    """
+    rows, cols, values = (_read(Path(folder) / name, np.dtype(kind)) for name, kind in _FILES.items())
+    try:
+        return jacobian(rows, cols, values, n)
+    except DataError as error:
+        raise DataError(folder, f"{error.file}: {error.rule}", row=error.row, value=error.value) from error
 
 
 def jacobian(rows: object, cols: object, values: object, n: int) -> Any:
@@ -79,11 +87,24 @@ def jacobian(rows: object, cols: object, values: object, n: int) -> Any:
     return sparse.csr_array((entries, columns, starts), shape=(len(starts) - 1, n))
 
 
-def _read(path: Path, kind: np.dtype[Any]) -> np.ndarray:
+def _read(name: Path, kind: np.dtype[Any]) -> np.ndarray:
+    path, text = name.with_suffix(".bin"), name.with_suffix(".txt")
+    if not path.is_file() and text.is_file():
+        return _read_text(text, kind)
     if not path.is_file():
-        raise DataError(path, "file must exist")
+        raise DataError(path, "file must exist, or the same numbers as .txt")
     size = path.stat().st_size
     if size % kind.itemsize:
         rule = f"must hold whole numbers of {kind.itemsize} bytes ({kind.name}); its end is missing"
         raise DataError(path, rule, value=f"{size} bytes")
     return np.fromfile(path, kind)
+
+
+def _read_text(path: Path, kind: np.dtype[Any]) -> np.ndarray:
+    out = []
+    for line, text in enumerate(read_text(path).splitlines(), start=1):
+        for cell in text.split():
+            out.append(number_in(path, line, cell))
+            if kind.kind == "i" and not (out[-1].is_integer() and abs(out[-1]) <= np.iinfo(kind).max):
+                raise DataError(path, f"must be an integer of {8 * kind.itemsize} bits", row=line, value=cell)
+    return np.array(out).astype(kind)

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ..covariance.estimate import EstimateCovariance
-from ..covariance.information import from_hessian
 from ..errors import DataError
 from ..gauge.group import Euclidean, Group, YawTranslation
 from ..gauge.layout import Index, Layout
 from .gtsam_graph import KINDS, linearised, variables
+from .information import Information
 
 
 def covariance(
@@ -40,6 +40,13 @@ def covariance(
     DegenerateError
         where more than the group is unobservable
     """
+    return information(graph, values, gravity=gravity, group=group).covariance()
+
+
+def information(
+    graph: Any, values: Any, *, gravity: object = (0.0, 0.0, -9.81), group: Group | None = None
+) -> Information:
+    """Information matrix, layout and estimate, by the arguments of :func:`covariance`, to ``audit()``."""
     found = variables(graph, values)
     kinds = {kind for kind, _ in found.values()}
     if "Pose3" not in kinds and kinds != {"Pose2"} or {"Pose2", "Pose3"} <= kinds:
@@ -75,4 +82,4 @@ def covariance(
     layout = Layout(n, blocks, place, "gtsam", keys=keys, point_keys=points)
     if group is None:
         group = YawTranslation() if "velocity" in blocks and gravity is not None else Euclidean()
-    return from_hessian(H, layout, (R, p), v, X, group=group, gravity=gravity)
+    return Information(H, layout, R, p, v, X, group, gravity)

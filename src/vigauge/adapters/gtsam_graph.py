@@ -42,6 +42,8 @@ class Key(int):
     def __str__(self) -> str:
         return str(gtsam.DefaultKeyFormatter(self))
 
+    __repr__ = __str__
+
 
 def _name(key: int) -> str:
     return f"variable {Key(key)}"
@@ -97,7 +99,9 @@ def linearised(
     for key, said in votes.items():
         if len(said) != 1:
             rule = "must be a velocity or a point by its factors with poses"
-            raise DataError("graph", rule, field=_name(key), value=sorted(said) or "no such factor")
+            raise DataError(
+                "graph", rule, field=_name(key), value=sorted(said) or "no factor, or behind every camera"
+            )
     H = sparse.csc_array((n, n))
     for size, (own_columns, entries) in factors.items():
         columns = np.tile(np.array(own_columns), size)

@@ -10,6 +10,7 @@ from ..covariance.information import from_hessian
 from ..gauge.group import Group
 from ..gauge.layout import Index, Layout
 from ..geometry.so3 import Array
+from ..observability.audit import Concern, audit
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,7 @@ class Information:
     velocities: Array | None
     points: Array | None
     group: Group
-    gravity: Array | None
+    gravity: object
     times_ns: Index | None = None
 
     @property
@@ -40,3 +41,7 @@ class Information:
 
     def covariance(self) -> EstimateCovariance:
         return from_hessian(self.H, **self.estimate)
+
+    def audit(self) -> tuple[Concern, ...]:
+        """What looks wrong with H, as :func:`vigauge.audit` says it."""
+        return audit(self.H, **self.estimate)

@@ -18,6 +18,7 @@ from vigauge.errors import DataError, DegenerateError, SolverError
 from vigauge.gauge.gauges import Gauge
 from vigauge.gauge.layout import Layout
 from vigauge.model.problem import Problem
+from vigauge.model.trajectory import with_measured
 from vigauge.model.trajectory_files import save_trajectory
 from vigauge.observability.diagnosis import diagnose_equations
 
@@ -62,7 +63,14 @@ def _of_information(given: Information, gauge: Gauge, options: argparse.Namespac
     for kind in kinds or _KINDS[:1]:
         if kind not in layout.blocks or layout.blocks[kind].shape[1] != _width(layout, kind):
             raise DataError(options.file, "must name three columns a keyframe for this", field=kind)
-    covariance = Covariance.from_hessian(given.H, **given.estimate)
+    covariance = given.covariance()
+    if covariance.measured:
+        rule = (
+            "%s: H has information along %s, which no gauge takes out; where nothing absolute was measured:"
+        )
+        LOG.warning(rule, options.file, ", ".join(covariance.measured))
+        for concern in given.audit() or ("take out of H what is absolute",):
+            LOG.warning("%s", concern)
     # Landmarks in the plane are keyframes without an angle.
     keys = layout.having(kinds)
     rows = np.array([layout.place(key) for key in keys])
@@ -72,7 +80,7 @@ def _of_information(given: Information, gauge: Gauge, options: argparse.Namespac
     R, p = given.R[rows], given.p[rows]
     estimate = (R, p) if given.velocities is None else (R, p, given.velocities[rows])
     times = None if given.times_ns is None else given.times_ns[rows]
-    name = " ".join(filter(None, (options.gauge, options.scale)))
+    name = with_measured(" ".join(filter(None, (options.gauge, options.scale))), covariance.measured)
     save_trajectory(options.out, estimate, blocks, times_ns=times, gauge=name, kinds=kinds)
 
 

@@ -14,7 +14,6 @@ from vigauge.cli.estimate_file import EXIT_WITHHELD, add_arguments, read_named, 
 from vigauge.errors import SolverError
 from vigauge.gauge.layout import null_space
 from vigauge.model.problem import Problem
-from vigauge.observability.audit import audit
 from vigauge.observability.diagnosis import diagnose, diagnose_hessian
 
 
@@ -39,8 +38,7 @@ def _finding(given: Problem | Information, *, at_start: bool) -> tuple[str, bool
         blocks["points"] = given.layout.points.ravel()
     # In the plane a shift along z moves nothing.
     found = diagnose_hessian(given.H, U[:, U.any(axis=0)], blocks)
-    concerns = audit(given.H, **given.estimate)
-    return "\n".join([found.sentence, *map(str, concerns)]), found.degenerate
+    return "\n".join([found.sentence, *map(str, given.audit())]), found.degenerate
 
 
 def main() -> None:

@@ -115,6 +115,8 @@ class EstimateCovariance:
     ) -> Array:
         """(m, c, c) covariances of single keyframes, all by default; of all their columns, or of some kinds.
 
+        Columns are in the order of ``kinds``, or of ``layout.blocks`` where none are given.
+
         Where the layout names its keyframes, as those of GTSAM, all are those that have these kinds:
         ``layout.having(kinds)`` in that order.
 
@@ -125,17 +127,22 @@ class EstimateCovariance:
         Raises DataError for a key or kind that is not there, or where a keyframe lacks some of the columns.
         """
         layout = self.layout
-        kinds = list(instance("kinds", kinds or (POSE if to is not None else layout.blocks), Iterable))
+        at = None if keys is None else [layout.place(key) for key in instance("keys", keys, Iterable)]
+        if not kinds:
+            there = [
+                kind for kind, columns in layout.blocks.items() if np.any(columns[at or slice(None)] >= 0)
+            ]
+            kinds = there if to is None else POSE
+        kinds = list(instance("kinds", kinds, Iterable))
         if to is not None:
             if not set(POSE) <= set(kinds):
-                raise DataError(
-                    "kinds", "must have position and rotation: conventions mix the two", value=kinds
-                )
+                rule = "must have position and rotation: conventions mix the two"
+                raise DataError("kinds", rule, value=kinds)
             kinds = [*POSE, *(kind for kind in kinds if kind not in POSE)]
         rows = layout.columns_of(kinds)
-        if keys is None:
-            keys = (layout.keys is not None and layout.having(kinds)) or layout.names
-        at = [layout.place(key) for key in instance("keys", keys, Iterable)]
+        if at is None:
+            named = layout.keys is not None and layout.having(kinds)
+            at = [layout.place(key) for key in named or layout.names]
         lacking = np.flatnonzero((rows[at] < 0).any(axis=1))
         if lacking.size:
             key = layout.names[at[lacking[0]]]

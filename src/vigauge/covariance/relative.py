@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from ..arrays import reals, shape_of, symmetric
+from ..arrays import reals, symmetric
 from ..errors import DegenerateError
 from ..geometry import so3
 from ..geometry.charts import poses_of
@@ -45,13 +45,18 @@ class RelativePose:
     def mahalanobis(self, measured: object, covariance: Array | None = None) -> MahalanobisTest:
         """Whether a measured pose of j in i (4, 4), (3, 4) or (R, p) fits, as for a loop closure.
 
+        Poses of GTSAM and pycolmap, which have such a ``matrix()``, are taken too.
         ``covariance`` (6, 6): that of the measurement, by the same increments, if it has one.
 
         Raises DataError for other shapes, and DegenerateError where the sum of covariances is singular.
         """
-        one = measured if isinstance(measured, tuple) else (measured,)
-        batch = tuple(reals("measured", x, shape_of("measured", x))[None] for x in one)
-        R, p = poses_of(batch if isinstance(measured, tuple) else batch[0], 1)
+        own = getattr(measured, "matrix", None)
+        measured = own() if callable(own) else measured
+        if isinstance(measured, tuple) and len(measured) == 2:
+            R, p = reals("measured", measured[0], (3, 3)), reals("measured", measured[1], (3,))
+            R, p = poses_of((R[None], p[None]))
+        else:
+            R, p = poses_of(reals("measured", measured, ("3 or 4", 4))[None])
         error = np.concatenate([p[0] - self.p, so3.log(R[0] @ self.R.T)])
         total = self.covariance
         if covariance is not None:

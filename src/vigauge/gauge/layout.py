@@ -248,7 +248,7 @@ class Layout:
                 parts.append(part[:, there])
                 columns.append(own[there])
         if not sum(map(len, columns)):
-            raise DataError("key", "this keyframe has no pose among the columns of H", value=key)
+            raise DataError("key", "this keyframe has no pose among the columns of H", value=self.names[row])
         return np.concatenate(parts, axis=1), np.concatenate(columns)
 
 
@@ -256,7 +256,8 @@ def _found(what: str, places: Mapping[Hashable, int], key: Hashable) -> int:
     # A bool would be taken for 0 or 1.
     place = places.get(key) if isinstance(key, Hashable) and not isinstance(key, (bool, np.bool_)) else None
     if place is None:
-        raise DataError("key", f"must be that of a {what} of the layout", value=key)
+        such = f", such as {next(iter(places))!r}" if places else ", which has none"
+        raise DataError("key", f"must be that of a {what} of the layout{such}", value=key)
     return place
 
 

@@ -57,7 +57,7 @@ def gauge_normal(
     """
     group = YawTranslation() if group is None else group
     R, p = poses_of(poses, instance("layout", layout, Layout).n_keyframes)
-    parts = list(gauge) if isinstance(gauge, Sequence) else [gauge]
+    parts = list(gauge) if isinstance(gauge, Sequence) and not isinstance(gauge, str) else [gauge]
     return np.concatenate(
         [_normal(layout, R, p, part, group, points, gravity) for part in parts] or [np.zeros((layout.n, 0))],
         axis=1,
@@ -94,7 +94,7 @@ def _normal(
         there = layout.has_pose
         by_pose[there] = pose / max(int(there.sum()), 1)
     else:
-        rule = "must be the first pose, a keyframe, the centroid, a distance or a depth"
+        rule = "must be FixedGauge(), KeyframeGauge(key), CentroidGauge(), Distance(i, j) or MeanDepth(key)"
         raise DataError("gauge", rule, value=gauge)
     V = layout.pose_rows(np.linalg.solve(layout.chart.from_world(R, p).swapaxes(1, 2), by_pose))
     if len(rays):
@@ -105,7 +105,9 @@ def _normal(
 def _place(layout: Layout, key: Hashable) -> int:
     place = layout.place(key)
     if not layout.has_pose[place]:
-        raise DataError("gauge", "this keyframe has no pose among the columns of H", value=key)
+        raise DataError(
+            "gauge", "this keyframe has no pose among the columns of H", value=layout.names[place]
+        )
     return place
 
 

@@ -31,7 +31,7 @@ _COVARIANCE = "covariance of keyframes"
 _ASYMMETRY = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """What :func:`vigauge.load_trajectory` gives.
 
@@ -111,6 +111,17 @@ class Trajectory:
             raise DataError(name, "must not be negative", field="sigma", row=row, value=float(sigma.min()))
         self._set(sigma=sigma)
 
+    def __repr__(self) -> str:
+        has = [name for name in ("v_W", "times_ns", "covariance", "sigma") if getattr(self, name) is not None]
+        parts = [
+            f"{len(self.p_W)} keyframes",
+            f"frame={self.frame!r}",
+            *([f"with {', '.join(has)}"] if has else []),
+        ]
+        if self.kinds:
+            parts.append(f"of {', '.join(self.kinds)}, gauge={self.gauge!r}, side={self.side!r}")
+        return f"Trajectory({', '.join(parts)})"
+
     def _set(self, **values: object) -> None:
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -132,6 +143,9 @@ class Posed(Protocol):
 
     @property
     def poses(self) -> tuple[Array, Array]: ...
+
+    @property
+    def measured(self) -> tuple[str, ...]: ...
 
     def keyframes(self, gauge: Any, *, to: str) -> Array: ...
 
@@ -160,6 +174,7 @@ def trajectory_of(
                 rule = "must be a gauge, such as vg.CentroidGauge(), for the covariance to be asked for"
                 raise DataError("gauge", rule, value=gauge)
             covariance, kinds = estimate.keyframes(gauge, to="left"), _USUAL_KINDS[6]
+            gauge = with_measured(_gauge_name(gauge), estimate.measured)
         estimate = estimate.poses
     if isinstance(estimate, State):
         estimate.require_valid()
@@ -224,6 +239,11 @@ def _gauge_name(gauge: object) -> str:
         getattr(gauge, field) for field in ("index", "first", "second", "keyframe") if hasattr(gauge, field)
     ]
     return ":".join([name, *map(str, keys)])
+
+
+def with_measured(gauge: str, measured: Sequence[str]) -> str:
+    """The name of a gauge for a file, with the directions that are measured, which it does not hold."""
+    return f"{gauge} (measured: {' '.join(measured)})" if measured else gauge
 
 
 def _symmetric(C: Array) -> Array:

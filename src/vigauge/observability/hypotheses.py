@@ -80,7 +80,8 @@ def other_estimates(H: Any, given: dict[str, Any]) -> Iterator[Hypothesis]:
             if given["gravity"] is None
             else np.asarray(given["gravity"], dtype=float)
         )
-        axis = axis if axis @ told >= 0.0 else -axis
+        # No turn tells up from down: as it was told, and downwards where that does not tell.
+        axis = axis if axis @ told / np.linalg.norm(told) >= 1e-6 * axis[2] else -axis
         text = (
             f"gravity is along {tuple((np.round(axis, 4) + 0.0).tolist())} in W, where H sees no turn, not"
             f" along {tuple(told.tolist())}: give gravity=, or the estimate in a world that is level"
