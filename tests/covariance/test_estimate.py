@@ -101,6 +101,7 @@ def test_what_a_gauge_holds_has_no_negative_variance(build, side: str) -> None:
         gauge = vg.KeyframeGauge(key)
         for blocks in (covariance.keyframes(gauge), covariance.block(key, key, gauge)[None]):
             assert np.einsum("kcc->kc", blocks).min() >= 0.0
+        np.testing.assert_array_equal(blocks := covariance.keyframes(gauge, [key]), blocks.swapaxes(1, 2))
 
 
 @pytest.mark.parametrize(("group", "gauge"), GROUPS)

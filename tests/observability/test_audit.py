@@ -8,8 +8,9 @@ import pytest
 import scipy.sparse
 
 import vigauge as vg
-from support.foreign import Estimate, problem
+from support.foreign import Estimate, graph_jacobian, problem
 from vigauge.gauge.group import Group
+from vigauge.geometry import so3
 
 GROUPS: list[Group] = [vg.YawTranslation(), vg.Euclidean(), vg.Similarity()]
 
@@ -57,7 +58,7 @@ def test_a_layout_with_exchanged_columns() -> None:
     H, layout, at = sound("right")
     blocks = {**layout.blocks, "position": layout.blocks["rotation"], "rotation": layout.blocks["position"]}
     for side, words in (
-        ("right", "exchanged in the layout: 4"),
+        ("right", "exchanged in the layout, so that"),
         ("gtsam", "and poses of H .*side='right', not"),
     ):
         (concern,) = vg.audit(H, replace(layout, blocks=blocks, side=side), *at.args)
@@ -104,6 +105,34 @@ def test_parts_that_nothing_joins() -> None:
     H = rows[~both].T @ rows[~both]
     (concern,) = vg.audit(H, layout, *at.args)
     assert concern.kind == "parts" and "keyframes 0, 1 and keyframes 2, 3, 4, 5:" in concern.sentence
+
+
+def test_positions_in_one_place_have_no_scale() -> None:
+    """Catches a direction that moves nothing, taken for one that nothing measures."""
+    layout = vg.Layout.by_keyframe(4, ["position", "rotation"])
+    R = so3.exp(np.random.default_rng(3).normal(size=(4, 3)))
+    T = vg.null_space(layout, (R, np.ones((4, 3))), group=vg.Euclidean())
+    J = graph_jacobian(layout, T, np.random.default_rng(4)).toarray()
+    assert not vg.audit(J.T @ J, layout, (R, np.ones((4, 3))), group=vg.Euclidean())
+
+
+def test_a_prior_on_a_velocity() -> None:
+    """It measures yaw where the body moves, and has no gauge of its own to ask in."""
+    H, layout, at = sound()
+    columns = layout.columns(2, "velocity")
+    blocks = {kind: np.vstack([own, np.full((1, 3), -1)]) for kind, own in layout.blocks.items()}
+    blocks["velocity"][[2, 6]] = blocks["velocity"][[6, 2]]  # a variable of its own, as in GTSAM
+    H[columns, columns] += 1e4
+    R, p, v = (
+        np.vstack([at.R, np.eye(3)[None]]),
+        np.vstack([at.p, at.p.mean(axis=0)]),
+        np.vstack([at.v, at.v[2:3]]),
+    )
+    (concern,) = vg.audit(H, replace(layout, blocks=blocks), (R, p), v, at.X)
+    assert concern.kind == "prior" and concern.sentence.endswith(
+        "keyframe 6: where it was not measured, leave it out of H"
+    )
+    assert "along 1 direction of" in concern.sentence
 
 
 def test_a_group_that_is_too_small() -> None:

@@ -158,7 +158,7 @@ class EstimateCovariance:
         rest = rows.shape[1] - width
         J = np.zeros((len(at), 6 + rest, width + rest))
         J[:, :6, :width], J[:, 6:, width:] = pose, np.eye(rest)
-        return _no_negative_variance(J @ blocks @ J.swapaxes(1, 2))
+        return _clean(J @ blocks @ J.swapaxes(1, 2))
 
     @property
     def poses(self) -> tuple[Array, Array]:
@@ -224,7 +224,7 @@ class EstimateCovariance:
     def _blocks(self, rows: Index, gauge: Any) -> Array:
         A, W = self._at(gauge)._projection
         cross = A[rows] @ W[rows].swapaxes(1, 2)
-        return _no_negative_variance(self.inverse.blocks(rows) - cross - cross.swapaxes(1, 2))
+        return _clean(self.inverse.blocks(rows) - cross - cross.swapaxes(1, 2))
 
     @cached_property
     def _projection(self) -> tuple[Array, Array]:
@@ -276,8 +276,9 @@ class EstimateCovariance:
             raise DegenerateError("the gauge's constraints leave part of the group free") from error
 
 
-def _no_negative_variance(C: Array) -> Array:
-    """(m, c, c) covariances with zero variance, not rounding below it, where a gauge holds something."""
+def _clean(C: Array) -> Array:
+    """(m, c, c) covariances, symmetric, with zero variance and not rounding below it where a gauge holds."""
+    C = 0.5 * (C + C.swapaxes(1, 2))
     variances = np.einsum("mcc->mc", C)
     np.maximum(variances, 0.0, out=variances)
     return C

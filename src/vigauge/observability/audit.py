@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ import scipy.sparse
 
 from ..arrays import instance, sparse_symmetric, symmetric
 from ..gauge.group import Group
-from ..gauge.layout import Index, Layout, null_space
+from ..gauge.layout import POSE, Index, Layout, null_space
 from ..geometry.so3 import Array
 from ..sparsity.rounding import NOTHING, rounding
 from .hypotheses import Hypothesis, larger_groups, other_estimates, other_layouts, other_units
@@ -84,16 +85,15 @@ def audit(
     U = null_space(**given)
     found = _Leak.of(H, diagonal, U)
     out = [*_spread(diagonal, layout), *_open(H, found, layout)]
+    free = found.N.shape[1]
     if not found.seen:
-        return (*out, *_first(H, diagonal, larger_groups(given)))
-    looks = f": {found.seen} directions look measured that are not"
+        return (*out, *_first(H, diagonal, larger_groups(given), free + 1))
+    others = chain(other_units(layout, U), other_layouts(given), other_estimates(H, given))
     return (
         *out,
         *(
             _damping(found, diagonal)
-            or _first(H, diagonal, other_units(layout, U))
-            or _first(H, diagonal, other_layouts(given), looks)
-            or _first(H, diagonal, other_estimates(H, given))
+            or _first(H, diagonal, others, free)
             or _prior(H, found, diagonal, layout)
             or _lost_block(H, found, layout)
         ),
@@ -160,11 +160,12 @@ def _damping(found: _Leak, diagonal: Array) -> list[Concern]:
     return []
 
 
-def _first(H: Any, diagonal: Array, hypotheses: Iterable[Hypothesis], more: str = "") -> list[Concern]:
-    """The first hypothesis with directions that H does not see."""
+def _first(H: Any, diagonal: Array, hypotheses: Iterable[Hypothesis], least: int) -> list[Concern]:
+    """The first hypothesis with ``least`` directions or more, none of which H sees."""
     for kind, sentence, U in hypotheses:
-        if not _Leak.of(H, diagonal, U).seen:
-            return [Concern(kind, sentence + more)]
+        other = _Leak.of(H, diagonal, U)
+        if not other.seen and other.N.shape[1] >= least:
+            return [Concern(kind, sentence)]
     return []
 
 
@@ -180,10 +181,12 @@ def _prior(H: Any, found: _Leak, diagonal: Array, layout: Layout) -> list[Concer
     if len(places) != 1:
         return []
     name = _name(layout, places[0])
-    sentence = (
-        f"all that H has along {found.seen} directions of the gauge comes from a prior on {name}: where it"
-        " was not measured, leave it out of H and ask for the covariance in that keyframe's gauge"
-    )
+    what = f"{found.seen} direction{'s' * (found.seen > 1)} of the gauge"
+    sentence = f"all that H has along {what} comes from a prior on {name}"
+    sentence += ": where it was not measured, leave it out of H"
+    if not np.isin(places[0], layout.columns_of([kind for kind in POSE if kind in layout.blocks])).any():
+        return [Concern("prior", sentence)]
+    sentence += " and ask for the covariance in that keyframe's gauge"
     held, free = _held(H, places[0], diagonal, layout), found.N.shape[1]
     if held > free:
         sentence += (

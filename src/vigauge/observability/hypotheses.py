@@ -57,7 +57,8 @@ def other_layouts(given: dict[str, Any]) -> Iterator[Hypothesis]:
                     f"poses of H are perturbed as in side='{side}', not '{layout.side}' as the layout says"
                 )
             U = null_space(**{**given, "layout": replace(layout, blocks=blocks, side=side)})
-            yield ("order" if exchanged else "chart"), ", and ".join(texts), U
+            sentence = f"{', and '.join(texts)}, so that directions look measured that are not"
+            yield ("order" if exchanged else "chart"), sentence, U
 
 
 def other_estimates(H: Any, given: dict[str, Any]) -> Iterator[Hypothesis]:
