@@ -197,7 +197,11 @@ def test_poses_are_saved_without_the_other_variables(tmp_path: Path) -> None:
     own = found.keyframes(vg.CentroidGauge(), [X(k) for k in range(6)], ["rotation", "position"])
     expected = vg.as_convention(own, saved.R_WB, source="gtsam", to="ros")
     np.testing.assert_allclose(saved.covariance, expected, rtol=1e-9, atol=1e-15)
-    assert (saved.gauge, len(saved.p_W)) == ("centroid", 6)
+    assert (saved.gauge, saved.keys) == ("centroid", ("x0", "x1", "x2", "x3", "x4", "x5"))
+    vg.save_trajectory(tmp_path / "body.csv", found, gauge=vg.KeyframeGauge(X(2)), side="right")
+    body, own = vg.load_trajectory(tmp_path / "body.csv"), found.keyframes(vg.KeyframeGauge(X(2)), to="right")
+    np.testing.assert_allclose(body.sigma**2, np.einsum("kcc->kc", own), rtol=1e-9, atol=1e-15)
+    assert (body.gauge, body.side, body.keys) == ("keyframe:x2", "right", saved.keys)
     vg.save_trajectory(tmp_path / "poses.tum", found, times_ns=np.arange(6))
     with pytest.raises(vg.DataError, match="such as vg.CentroidGauge"):
         vg.save_trajectory(tmp_path / "poses.csv", found, gauge="centroid")

@@ -129,6 +129,18 @@ def test_arrays_of_another_estimator(tmp_path: Path, state: vg.State) -> None:
     assert vg.load_trajectory(path).axes == ["vx", "vy", "vz"]
 
 
+@pytest.mark.parametrize("ending", ["csv", "npz"])
+def test_names_of_keyframes_are_kept(tmp_path: Path, state: vg.State, ending: str) -> None:
+    """Catches rows that are counted from 0 beside a gauge that names a keyframe by its key."""
+    path, keys = tmp_path / f"poses.{ending}", [2 * k + 1 for k in range(state.n_keyframes)]
+    vg.save_trajectory(path, state, keys=keys)
+    assert vg.load_trajectory(path).keys == tuple(map(str, keys))
+    vg.save_trajectory(path, state)
+    assert vg.load_trajectory(path).keys is None
+    with pytest.raises(vg.DataError, match="different names"):
+        vg.save_trajectory(path, state, keys=keys[1:])
+
+
 def test_a_gauge_of_pose_and_scale_has_a_name(tmp_path: Path, state: vg.State, blocks: np.ndarray) -> None:
     """As ``vigauge covariance`` names it."""
     for scale, name in ((vg.Distance(2, 1), "distance:2:1"), (vg.MeanDepth(3), "depth:3")):

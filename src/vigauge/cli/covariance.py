@@ -81,7 +81,9 @@ def _of_information(given: Information, gauge: Gauge, options: argparse.Namespac
     estimate = (R, p) if given.velocities is None else (R, p, given.velocities[rows])
     times = None if given.times_ns is None else given.times_ns[rows]
     name = with_measured(" ".join(filter(None, (options.gauge, options.scale))), covariance.measured)
-    save_trajectory(options.out, estimate, blocks, times_ns=times, gauge=name, kinds=kinds)
+    save_trajectory(
+        options.out, estimate, blocks, times_ns=times, gauge=name, kinds=kinds, keys=layout.keys and keys
+    )
 
 
 def _width(layout: Layout, kind: str) -> int:

@@ -179,7 +179,8 @@ class Layout:
 
     def columns_of(self, kinds: Iterable[str]) -> Index:
         """(N, c) columns of some kinds, -1 where a keyframe has none; DataError for an unknown kind."""
-        for kind in kinds:
+        kinds = list(instance("kinds", kinds, Iterable))
+        for kind in kinds or ("",):
             if not isinstance(kind, str) or kind not in self.blocks:
                 raise DataError("kind", f"must be one of {', '.join(self.blocks)}", value=kind)
         return np.concatenate([self.blocks[kind] for kind in kinds], axis=1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
@@ -47,6 +47,7 @@ class Trajectory:
     gauge : name of the gauge that the covariance is in
     frame : name of the world frame
     side : of the rotation's increments: "left" (in W) or "right" (in B); positions and velocities are in W
+    keys : names of the keyframes; None where they are 0, 1, ...
 
     Raises DataError for shapes that do not fit, times that do not increase, a covariance without the name
     of its gauge, and an unknown kind or side.
@@ -62,6 +63,7 @@ class Trajectory:
     gauge: str = ""
     frame: str = "W"
     side: str = "left"
+    keys: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         name = "trajectory"
@@ -78,7 +80,10 @@ class Trajectory:
                 row = int(late[0]) + 1
                 raise DataError(name, "must increase", field="times_ns", row=row, value=int(times[row]))
             self._set(times_ns=times)
-        for field, text in (("frame", self.frame), ("gauge", self.gauge)):
+        keys = instance("keys", self.keys or (), tuple)
+        if self.keys is not None and (len(keys) != len(p) or len(set(keys)) != len(keys)):
+            raise DataError(name, f"must be {len(p)} different names", field="keys", value=keys)
+        for field, text in (("frame", self.frame), ("gauge", self.gauge), *(("keys", key) for key in keys)):
             if not isinstance(text, str) or not text.isprintable():  # a line break would not come back
                 raise DataError(name, "must be a printable name", field=field, value=text)
         if self.side not in SIDES:
@@ -142,6 +147,9 @@ class Posed(Protocol):
     """What knows poses and their covariances: an EstimateCovariance."""
 
     @property
+    def layout(self) -> Any: ...
+
+    @property
     def poses(self) -> tuple[Array, Array]: ...
 
     @property
@@ -159,10 +167,11 @@ def trajectory_of(
     frame: str,
     side: str,
     kinds: Sequence[str] | None,
+    keys: Sequence[object] | None,
 ) -> Trajectory:
     """The Trajectory of what :func:`vigauge.save_trajectory` takes."""
     if isinstance(estimate, Trajectory):
-        given = {"times_ns": times_ns, "covariance": covariance, "gauge": gauge or None}
+        given = {"times_ns": times_ns, "covariance": covariance, "gauge": gauge or None, "keys": keys}
         extra = [name for name, value in given.items() if value is not None]
         if extra:
             raise DataError("trajectory", "has its own; use dataclasses.replace", field=", ".join(extra))
@@ -173,8 +182,13 @@ def trajectory_of(
             if isinstance(gauge, str):
                 rule = "must be a gauge, such as vg.CentroidGauge(), for the covariance to be asked for"
                 raise DataError("gauge", rule, value=gauge)
-            covariance, kinds = estimate.keyframes(gauge, to="left"), _USUAL_KINDS[6]
-            gauge = with_measured(_gauge_name(gauge), estimate.measured)
+            if side not in SIDES:
+                raise DataError("side", f"must be {' or '.join(SIDES)}", value=side)
+            covariance, kinds = estimate.keyframes(gauge, to=side), _USUAL_KINDS[6]
+            names = {key: str(key) for key in estimate.layout.names}
+            gauge = with_measured(_gauge_name(gauge, names), estimate.measured)
+        if keys is None and estimate.layout.keys is not None:
+            keys = estimate.layout.having(_USUAL_KINDS[6])
         estimate = estimate.poses
     if isinstance(estimate, State):
         estimate.require_valid()
@@ -195,6 +209,7 @@ def trajectory_of(
         gauge=_gauge_name(gauge),
         frame=frame,
         side=side,
+        keys=None if keys is None else tuple(map(str, keys)),
     )
     return _left_first(out, estimate) if isinstance(estimate, State) else out
 
@@ -226,19 +241,19 @@ def _left_first(trajectory: Trajectory, state: State) -> Trajectory:
     return replace(trajectory, covariance=np.concatenate([0.5 * (first + first.T)[None], C[1:]]))
 
 
-def _gauge_name(gauge: object) -> str:
+def _gauge_name(gauge: object, names: Mapping[object, str] | None = None) -> str:
     """'keyframe:5': a gauge's own name, with its keyframe where it has one; those of a tuple in a row."""
     if isinstance(gauge, str):
         return gauge
     if isinstance(gauge, tuple) and gauge:
-        return " ".join(map(_gauge_name, gauge))
+        return " ".join(_gauge_name(one, names) for one in gauge)
     name = getattr(gauge, "name", None)
     if not isinstance(name, str):
         raise DataError("gauge", "must be a gauge or the name of one", value=gauge)
     keys = [
         getattr(gauge, field) for field in ("index", "first", "second", "keyframe") if hasattr(gauge, field)
     ]
-    return ":".join([name, *map(str, keys)])
+    return ":".join([name, *((names or {}).get(key, str(key)) for key in keys)])
 
 
 def with_measured(gauge: str, measured: Sequence[str]) -> str:

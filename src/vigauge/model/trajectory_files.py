@@ -39,6 +39,7 @@ def save_trajectory(
     frame: str = "W",
     side: str = "left",
     kinds: Sequence[str] | None = None,
+    keys: Sequence[object] | None = None,
     format: str = "",
 ) -> None:
     """Write an estimate, with its covariance where the format has a place for it; the ending says which.
@@ -58,6 +59,7 @@ def save_trajectory(
     frame : name of the world frame
     side : of the rotation's increments in the covariance, "left" (in W) or "right" (in B)
     kinds : what the covariance has, where that is something else: "position", "rotation", "velocity"
+    keys : names of the keyframes, for .csv and .npz; those of an EstimateCovariance, or 0, 1, ...
     format : of another program: "ros", a .csv as ``rostopic echo -p`` prints PoseWithCovarianceStamped
         (x, y, z, then turns about the world's axes), or "openvins", a .txt for its ``ov_eval`` (turns in B;
         the covariances of rotation and position, not those between them). Neither names the gauge
@@ -75,7 +77,14 @@ def save_trajectory(
     write(
         path,
         trajectory_of(
-            estimate, covariance, times_ns=times_ns, gauge=gauge, frame=frame, side=side, kinds=kinds
+            estimate,
+            covariance,
+            times_ns=times_ns,
+            gauge=gauge,
+            frame=frame,
+            side=side,
+            kinds=kinds,
+            keys=keys,
         ),
     )
 
@@ -144,7 +153,8 @@ def _write_csv(path: PathLike, trajectory: Trajectory) -> None:
     names = ["keyframe"] + ["t_ns"] * (trajectory.times_ns is not None) + _columns("position")
     names += _QUATERNION
     count = len(trajectory.p_W)
-    parts: list[Any] = [np.arange(count)[:, None]]
+    named: Any = np.arange(count) if trajectory.keys is None else np.array(trajectory.keys, dtype=object)
+    parts: list[Any] = [named[:, None]]
     if trajectory.times_ns is not None:
         parts.append(trajectory.times_ns[:, None])
     parts += [trajectory.p_W, quaternions(trajectory)]
@@ -210,8 +220,13 @@ def _read_csv(path: PathLike) -> Trajectory:
         times_ns=times,
         sigma=numbers([name for kind in kinds for name in _columns(kind, "sigma_")]) if kinds else None,
         kinds=kinds,
+        keys=_keys([key for _, key in cells["keyframe"]]) if "keyframe" in cells else None,
         **{name: _same(path, name, cells.get(name)) for name in _TEXTS},  # type: ignore[arg-type]
     )
+
+
+def _keys(names: list[str]) -> tuple[str, ...] | None:
+    return None if names == [str(place) for place in range(len(names))] else tuple(names)
 
 
 def _same(path: PathLike, name: str, cells: list[tuple[int, str]] | None) -> str:
@@ -230,6 +245,8 @@ def _write_npz(path: PathLike, trajectory: Trajectory) -> None:
     arrays |= {"covariance": trajectory.covariance, "kind": _KIND}
     arrays |= {name: getattr(trajectory, name) for name in _TEXTS}
     arrays |= {name: np.array(getattr(trajectory, name), dtype="U") for name in ("kinds", "axes", "units")}
+    if trajectory.keys is not None:
+        arrays["keys"] = np.array(trajectory.keys, dtype="U")
     save_arrays(path, {name: np.asarray(value) for name, value in arrays.items() if value is not None})
 
 
@@ -241,13 +258,15 @@ def _read_npz(path: PathLike) -> Trajectory:
     for name in ("p_W", "R_WB", "kinds", *_TEXTS):
         if name not in arrays:
             raise DataError(path, "array must be present", field=name)
-    for name in ("kinds", *_TEXTS):
-        if arrays[name].dtype.kind != "U" or arrays[name].ndim != (name == "kinds"):
-            rule = "must be a list of names" if name == "kinds" else "must be one text"
+    lists = ("kinds", "keys")
+    for name in ("kinds", *_TEXTS, *(["keys"] if "keys" in arrays else [])):
+        if arrays[name].dtype.kind != "U" or arrays[name].ndim != (name in lists):
+            rule = "must be a list of names" if name in lists else "must be one text"
             raise DataError(path, rule, field=name, value=arrays[name])
     numbers = ("p_W", "R_WB", "v_W", "times_ns", "covariance", "sigma")
     return Trajectory(
         kinds=tuple(map(str, arrays["kinds"])),
+        keys=tuple(map(str, arrays["keys"])) if "keys" in arrays else None,
         **{name: str(arrays[name]) for name in _TEXTS},  # type: ignore[arg-type]
         **{name: arrays[name] for name in numbers if name in arrays},  # type: ignore[arg-type]
     )
