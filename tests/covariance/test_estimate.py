@@ -421,6 +421,21 @@ def test_a_refusal_says_what_the_audit_finds(build) -> None:
         build(once, layout, *at.args)
 
 
+def test_a_direction_that_no_audit_explains_is_named() -> None:
+    """The biases of two keyframes are measured as a sum only: neither block is singular by itself."""
+    layout = vg.Layout.by_keyframe(4, [*BLOCKS, "bias:1"])
+    at, _, J = problem(layout, vg.YawTranslation(), np.random.default_rng(11))
+    J = J.toarray()
+    a, b = layout.columns(1, "bias")[0], layout.columns(3, "bias")[0]
+    J[:, b] = J[:, a]
+    words = r"\((bias of keyframe 1, bias of keyframe 3|bias of keyframe 3, bias of keyframe 1)\)"
+    with pytest.raises(vg.DegenerateError, match=words):
+        vg.Covariance.from_hessian(J.T @ J, layout, (at.R, at.p), at.v)
+    few = np.random.default_rng(2).standard_normal((20, len(J))) @ J
+    with pytest.raises(vg.DegenerateError, match="too small a rank, with 20 rows for 36 parameters"):
+        vg.Covariance.from_jacobian(few, layout, (at.R, at.p), at.v)
+
+
 @pytest.mark.parametrize("sparse", [False, True])
 def test_refused_matrices(sparse: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(information, "_SMALL", 0)

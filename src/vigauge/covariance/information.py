@@ -262,8 +262,9 @@ class _Estimate:
     def refusal(self, error: DegenerateError, measured: tuple[str, ...], H: Any) -> DegenerateError:
         """What an audit finds in a singular or indefinite H; else what was found measured is the suspect."""
         hint, name = self._audited(H), ""
-        if error.parameters:
-            names = dict.fromkeys(map(self.layout.name_of, error.parameters))
+        parameters = error.parameters or (() if hint or measured or sparse.issparse(H) else self._open(H))
+        if parameters:
+            names = dict.fromkeys(map(self.layout.name_of, parameters))
             name = f" ({', '.join(names)})"
         if not hint and measured:
             hint = (
@@ -271,6 +272,14 @@ class _Estimate:
                 " the poses, velocities or points are not those at which H was made, or lost digits"
             )
         return type(error)(f"{error}{name}{hint}")
+
+    def _open(self, H: Array) -> tuple[int, ...]:
+        """Columns that the direction of H with least information beyond the gauge is mostly of."""
+        scale = 1.0 / np.sqrt(np.diagonal(H))
+        N = independent_columns("poses", self.tangent / scale[:, None])
+        weights = np.abs(np.linalg.eigh(H * scale[:, None] * scale + N @ N.T)[1][:, 0])
+        largest = np.argsort(-weights)[:4]
+        return tuple(map(int, largest[weights[largest] > 0.5 * weights.max()]))
 
     def other_poses(self, leak: float, H: Any) -> DataError:
         return DataError(
@@ -341,7 +350,10 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
     inverse, info = lapack.dtrtri(R) if len(R) == len(keep) else (R, 1)
     size = float(np.linalg.norm(inverse)) if not info else np.inf
     if not size * rounding(n) <= 1.0:
-        error = DegenerateError("more is unobservable than the gauge: the Jacobian has too small a rank")
+        few = f", with {len(J)} rows for {len(keep)} parameters" if len(J) < len(keep) else ""
+        error = DegenerateError(
+            f"more is unobservable than the gauge: the Jacobian has too small a rank{few}"
+        )
         raise estimate.refusal(error, measured, J.T @ J)
     if leak * size > _HARMLESS:
         raise estimate.other_poses(leak, J.T @ J)
