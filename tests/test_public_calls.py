@@ -74,6 +74,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "Covariance.keyframes": (COVARIANCE.keyframes, {"gauge": FIX, "indices": np.array([0, 2])}),
     "Covariance.landmarks": (COVARIANCE.landmarks, {"gauge": FIX, "indices": np.array([0, 2])}),
     "Covariance.motion": (COVARIANCE.motion, {"gauge": FIX}),
+    "Covariance.sigma": (COVARIANCE.sigma, {"kind": "position", "gauge": FIX}),
     "Covariance.relative_pose": (COVARIANCE.relative_pose, {"i": 0, "j": 1}),
     "Ellipsoids.surfaces": (vg.ellipsoids(MOTION[None, :3, :3]).surfaces, {"centres": np.zeros((1, 3)), "n": 4}),
     "EstimateCovariance.block": (FOREIGN.block, {"a": 0, "b": 1, "gauge": FIX}),

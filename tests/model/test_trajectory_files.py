@@ -141,6 +141,24 @@ def test_names_of_keyframes_are_kept(tmp_path: Path, state: vg.State, ending: st
         vg.save_trajectory(path, state, keys=keys[1:])
 
 
+def test_a_covariance_of_the_library_is_asked(tmp_path: Path) -> None:
+    """As its state with its blocks; sigma() is what the file has of keyframes after the first."""
+    problem = vg.example_problem()
+    covariance = vg.Covariance.of(problem, problem.initial)
+    vg.save_trajectory(tmp_path / "one.npz", covariance, gauge=vg.CentroidGauge())
+    blocks = covariance.keyframes(vg.CentroidGauge())
+    vg.save_trajectory(tmp_path / "two.npz", problem.initial, blocks, gauge=vg.CentroidGauge())
+    one, two = (vg.load_trajectory(tmp_path / name) for name in ("one.npz", "two.npz"))
+    np.testing.assert_array_equal(one.covariance, two.covariance)
+    for k, kind in enumerate(one.kinds):
+        own = covariance.sigma(kind, vg.CentroidGauge())
+        np.testing.assert_allclose(own[1:], one.sigma[1:, 3 * k : 3 * k + 3], rtol=1e-9)
+    with pytest.raises(vg.DataError, match="such as vg.CentroidGauge"):
+        vg.save_trajectory(tmp_path / "one.npz", covariance, gauge="centroid")
+    with pytest.raises(vg.DataError, match="kind: must be one of position, rotation, velocity, points"):
+        covariance.sigma("gyro_bias", vg.CentroidGauge())
+
+
 def test_a_gauge_of_pose_and_scale_has_a_name(tmp_path: Path, state: vg.State, blocks: np.ndarray) -> None:
     """As ``vigauge covariance`` names it."""
     for scale, name in ((vg.Distance(2, 1), "distance:2:1"), (vg.MeanDepth(3), "depth:3")):

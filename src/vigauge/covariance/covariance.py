@@ -40,9 +40,11 @@ from .relative import RelativePose, is_still, relative_pose
 
 # Entries of G that are gathered at a time: two megabytes.
 _AT_ONCE = 250_000
+# In the order of a keyframe's columns.
+_KINDS = ("position", "rotation", "velocity", "gyro_bias", "accel_bias")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Covariance:
     """The covariance of an estimate, to be asked for in one gauge after another.
 
@@ -141,6 +143,10 @@ class Covariance:
         """
         return self._projection(gauge).apply(self.inverse.dense())
 
+    def __repr__(self) -> str:
+        size = f"{self.state.n_keyframes} keyframes, {self.state.n_landmarks} landmarks"
+        return f"Covariance({size}, group={self.group}, measured={self.measured})"
+
     def keyframes(self, gauge: Gauge, indices: Sequence[int] | Index | None = None) -> Array:
         """(m, 9, 9) covariances of (position, rotation, velocity) of some keyframes, all by default.
 
@@ -159,6 +165,22 @@ class Covariance:
         """
         columns = self._columns(indices).reshape(1, -1)
         return self._projection(gauge).apply_blocks(self.inverse.across(columns[0])[None], columns)[0]
+
+    def sigma(self, kind: str, gauge: Gauge) -> Array:
+        """(N, 3) standard deviations of one kind of all keyframes, or of "points" (K, 3).
+
+        ``kind``: "position", "rotation", "velocity"; where they are estimated "gyro_bias" and "accel_bias".
+
+        Raises DataError for another kind.
+        """
+        kinds = [*_KINDS[: self.state.width // 3], "points"]
+        if kind not in kinds:
+            raise DataError("kind", f"must be one of {', '.join(kinds)}", value=kind)
+        at = 3 * kinds.index(kind)
+        blocks = (
+            self.landmarks(gauge) if kind == "points" else self.keyframes(gauge)[:, at : at + 3, at : at + 3]
+        )
+        return np.sqrt(np.maximum(np.einsum("kcc->kc", blocks), 0.0))
 
     def relative_pose(self, i: int, j: int, gauge: Gauge | None = None) -> RelativePose:
         """The pose of keyframe j in keyframe i's frame, with its covariance, which no gauge changes.

@@ -27,6 +27,7 @@ SIDES = ("left", "right")
 _USUAL_KINDS = {6: ("position", "rotation"), 9: ("position", "rotation", "velocity")}
 
 _COVARIANCE = "covariance of keyframes"
+_ASK_IN = "must be a gauge, such as vg.CentroidGauge(), for the covariance to be asked for"
 # Largest difference of entries that ought to be equal, next to the largest sigmas of the two axes.
 _ASYMMETRY = 1e-8
 
@@ -158,6 +159,14 @@ class Posed(Protocol):
     def keyframes(self, gauge: Any, *, to: str) -> Array: ...
 
 
+@runtime_checkable
+class Solved(Protocol):
+    """What has a State: a Covariance or a Solution of the library's own."""
+
+    @property
+    def state(self) -> State: ...
+
+
 def trajectory_of(
     estimate: object,
     covariance: Array | None,
@@ -180,8 +189,7 @@ def trajectory_of(
     if isinstance(estimate, Posed):
         if covariance is None and gauge:
             if isinstance(gauge, str):
-                rule = "must be a gauge, such as vg.CentroidGauge(), for the covariance to be asked for"
-                raise DataError("gauge", rule, value=gauge)
+                raise DataError("gauge", _ASK_IN, value=gauge)
             if side not in SIDES:
                 raise DataError("side", f"must be {' or '.join(SIDES)}", value=side)
             covariance, kinds = estimate.keyframes(gauge, to=side), _USUAL_KINDS[6]
@@ -190,6 +198,12 @@ def trajectory_of(
         if keys is None and estimate.layout.keys is not None:
             keys = estimate.layout.having(_USUAL_KINDS[6])
         estimate = estimate.poses
+    elif isinstance(estimate, Solved):
+        if covariance is None and gauge and hasattr(estimate, "keyframes"):
+            if isinstance(gauge, str):
+                raise DataError("gauge", _ASK_IN, value=gauge)
+            covariance = estimate.keyframes(gauge)
+        estimate = estimate.state
     if isinstance(estimate, State):
         estimate.require_valid()
         R, p, v = estimate.R_WB, estimate.p_W, estimate.v_W

@@ -50,8 +50,8 @@ def save_trajectory(
 
     Parameters
     ----------
-    estimate : State, Trajectory, poses (N, 4, 4), arrays (R_WB, p_W) or (R_WB, p_W, v_W), or an
-        EstimateCovariance: its poses, and with ``gauge`` their covariances in that gauge
+    estimate : State, Solution, Trajectory, poses (N, 4, 4), arrays (R_WB, p_W) or (R_WB, p_W, v_W), or a
+        Covariance or EstimateCovariance: its poses, and with ``gauge`` their covariances in that gauge
     covariance : (N, 6, 6) of (position, rotation) or (N, 9, 9) with velocity: m, rad, m/s. With a State as
         ``Covariance.keyframes`` gives it; the file has the left increment of the first rotation too
     times_ns : (N,) integers, increasing; TUM needs them
