@@ -34,7 +34,7 @@ def test_a_sound_matrix_has_no_concern(side: str, group: Group) -> None:
     assert kinds(scipy.sparse.csr_array(H), layout, at, group) == []
 
 
-@pytest.mark.parametrize("factor", [1e-6, 1e-2])
+@pytest.mark.parametrize("factor", [1e-9, 1e-6, 1e-2])
 @pytest.mark.parametrize(("of", "words"), [("diagonal", "of the diagonal"), ("one", "on the diagonal")])
 def test_damping(factor: float, of: str, words: str) -> None:
     H, layout, at = sound()
@@ -42,6 +42,16 @@ def test_damping(factor: float, of: str, words: str) -> None:
     (concern,) = vg.audit(damped, layout, *at.args)
     share = factor / (1.0 + factor) if of == "diagonal" else factor
     assert concern.kind == "damping" and f"{share:.1e} {words}" in concern.sentence
+
+
+def test_damping_that_rounding_hides_along_the_gauge() -> None:
+    """One keyframe is measured far less than the others: along the gauge the damping is below the threshold."""
+    layout = vg.Layout.by_keyframe(6, ["rotation", "position", "velocity"])
+    at, _, J = problem(layout, vg.YawTranslation(), np.random.default_rng(3))
+    rows = J.toarray()
+    rows[~rows[:, layout.columns(5)].any(axis=1)] *= 1e4
+    (concern,) = vg.audit(rows.T @ rows + 1e-5 * np.eye(layout.n), layout, *at.args)
+    assert str(concern) == "a damping of 1.0e-05 on the diagonal is left in H: take H without it"
 
 
 @pytest.mark.parametrize("truth", ["left", "right", "gtsam", "colmap", "ceres", "g2o"])

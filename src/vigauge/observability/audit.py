@@ -87,7 +87,7 @@ def audit(
     out = [*_spread(diagonal, layout), *_open(H, found, layout)]
     free = found.N.shape[1]
     if not found.seen:
-        return (*out, *_first(H, diagonal, larger_groups(given), free + 1))
+        return (*out, *(_damping(found, diagonal) or _first(H, diagonal, larger_groups(given), free + 1)))
     others = chain(other_units(layout, U), other_layouts(given), other_estimates(H, given))
     return (
         *out,
@@ -143,19 +143,18 @@ def _open(H: Any, found: _Leak, layout: Layout) -> Iterator[Concern]:
 
 
 def _damping(found: _Leak, diagonal: Array) -> list[Concern]:
-    """H U = lambda diag(H) U, or lambda U, for all of U."""
-    if found.seen < found.N.shape[1]:
-        return []
+    """H U = lambda diag(H) U, or lambda U, for all of U, of which rounding may hide some or all."""
     for M, what in ((np.ones(len(diagonal)), "of the diagonal"), (found.scale**2, "on the diagonal")):
         MN = M[:, None] * found.N
         factor = float(np.sum(MN * found.along) / np.sum(MN * MN))
         if np.linalg.norm(found.along - factor * MN) < _UNEXPLAINED * np.linalg.norm(found.along):
+            why = (
+                f", which is why {found.seen} of {found.N.shape[1]} directions of the gauge look measured"
+                if found.seen
+                else ""
+            )
             return [
-                Concern(
-                    "damping",
-                    f"a damping of {factor:.1e} {what} is left in H, which is why all"
-                    f" {found.seen} directions of the gauge look measured: take H without it",
-                )
+                Concern("damping", f"a damping of {factor:.1e} {what} is left in H{why}: take H without it")
             ]
     return []
 
