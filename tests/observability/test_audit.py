@@ -45,7 +45,7 @@ def test_damping(factor: float, of: str, words: str) -> None:
 
 
 def test_damping_that_rounding_hides_along_the_gauge() -> None:
-    """One keyframe is measured far less than the others: along the gauge the damping is below the threshold."""
+    """One keyframe is measured far less than the others: along the gauge the damping is below rounding."""
     layout = vg.Layout.by_keyframe(6, ["rotation", "position", "velocity"])
     at, _, J = problem(layout, vg.YawTranslation(), np.random.default_rng(3))
     rows = J.toarray()
