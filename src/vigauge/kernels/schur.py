@@ -19,6 +19,7 @@ from .covisibility import LONG_GAPS
 from .lanes import LANES as L
 from .lanes import Batches, Index, gather_points
 from .sizes import GAUGE
+from .transposition import store_by_lanes
 
 
 class Couplings(NamedTuple):
@@ -115,6 +116,7 @@ def _spread(
     lanes: int,
     s: Array,
     out: Array,
+    columns: int,
     taken: Array,
 ) -> None:
     """W F^T of a cell into columns ``at``.. of ``out``, three rows a landmark; W C^-1 g off ``taken``."""
@@ -154,10 +156,8 @@ def _spread(
     taken[at + 3] -= t3
     taken[at + 4] -= t4
     taken[at + 5] -= t5
-    for i in range(len(out) // 3):
-        for b in range(3):
-            for a in range(6):
-                out[3 * i + b, at + a] = s[_W + (6 * b + a) * L + i]
+    for b in range(3):
+        store_by_lanes(s, _W + 6 * b * L, out, b * columns + at, 3 * columns)
 
 
 @part
@@ -265,10 +265,9 @@ def eliminate(
                 low, high = 0, own
             elif high - low > own:
                 spread[: rows * columns] = 0.0
-            out = spread[: rows * columns].reshape(rows, columns)
             for cell in range(first, end):
                 k, at = cell_keyframe[cell], 6 * (cell - first) if apart else 6 * cell_row[cell]
-                _spread(cell, k, at, information, p_W, lanes, s, out, taken)
+                _spread(cell, k, at, information, p_W, lanes, s, spread, columns, taken)
             blas.add_gram(spread, rows, columns, low, high, product, size)
             if apart:
                 _scatter(product, own, taken, cell_keyframe, first, column, stride, base, storage, gradient)
