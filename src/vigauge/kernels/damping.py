@@ -35,10 +35,10 @@ def largest(values: Array) -> float:
 
 
 @part
-def squares(p_W: Array, v_W: Array, X_W: Array, dphi_0: Array) -> float:
-    """Sum of squares of the parameters, but for the rotations after the first."""
-    total = 0.0
-    for vectors in (p_W, v_W, X_W):
-        for i in range(len(vectors)):
-            total += vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2
-    return total + dphi_0[0] ** 2 + dphi_0[1] ** 2 + dphi_0[2] ** 2
+def squares(dphi_0: Array, *vectors: Array) -> float:
+    """Sum of squares of an increment (3,) and of vectors (., 3)."""
+    total = dphi_0[0] ** 2 + dphi_0[1] ** 2 + dphi_0[2] ** 2
+    for array in vectors:
+        for i in range(len(array)):
+            total += array[i, 0] ** 2 + array[i, 1] ** 2 + array[i, 2] ** 2
+    return total

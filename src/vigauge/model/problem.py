@@ -173,6 +173,19 @@ class InertialFactors:
         """(F, 9, 9), with biases (F, 15, 15), lower-triangular W with W cov W^T = I."""
         return np.linalg.inv(np.linalg.cholesky(self.covariance))
 
+    @cached_property
+    def of_biases(self) -> tuple[Array, ...]:
+        """(F, 9, 6) derivative by both biases and (F, 6) where increments were integrated, if estimated."""
+        by_gyro, by_accel, gyro, accel = (
+            self.by_gyro_bias,
+            self.by_accel_bias,
+            self.gyro_bias,
+            self.accel_bias,
+        )
+        if by_gyro is None or by_accel is None or gyro is None or accel is None:
+            return ()
+        return np.concatenate([by_gyro, by_accel], axis=2), np.concatenate([gyro, accel], axis=1)
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -377,17 +390,14 @@ class Problem:
     def increments(self) -> tuple[Any, ...]:
         """The inertial factors as :mod:`vigauge.kernels.inertial` reads them, or its twin with biases."""
         f = self.inertial
-        out = f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, float(self.gravity)
-        if f.by_gyro_bias is None or f.by_accel_bias is None or f.gyro_bias is None or f.accel_bias is None:
-            return out
-        by_bias = np.concatenate([f.by_gyro_bias, f.by_accel_bias], axis=2)
-        return *out, by_bias, np.concatenate([f.gyro_bias, f.accel_bias], axis=1)
+        return f.first, f.second, f.dt, f.dp, f.dR, f.dv, f.whitener, float(self.gravity), *f.of_biases
 
     @property
     def obs_weight(self) -> Array:
         """(M,) 1 / sigma of each observation, 1 / px."""
-        noise = 1.0 if self.obs_noise is None else self.obs_noise
-        return np.broadcast_to(1.0 / (self.sigma_px * noise), len(self.obs_uv)).copy()
+        if self.obs_noise is None:
+            return np.full(len(self.obs_uv), 1.0 / self.sigma_px)
+        return 1.0 / (self.sigma_px * self.obs_noise)
 
     @cached_property
     def pixels(self) -> Array:
@@ -412,5 +422,5 @@ class Problem:
             "intrinsics": intrinsics,
             "R_BC": R_BC,
             "p_BC": p_BC,
-            "p_CB": -np.einsum("cji,cj->ci", R_BC, p_BC),
+            "p_CB": -(p_BC[:, None, :] @ R_BC)[:, 0],
         }

@@ -236,15 +236,12 @@ class State:
             X_W,
             dphi_0,
         )
-        biases = {}
-        if self.has_biases:
-            steps = delta[: self.n_motion].reshape(-1, self.n_keyframes, 3)[3:]
-            biases = {name: getattr(self, name) + step for name, step in zip(BIASES, steps, strict=True)}
         # Made of arrays that have their form, so nothing is looked at: that would cost more than the step.
         out = object.__new__(State)
-        vars(out).update(
-            p_W=p_W, R_WB=R_WB, v_W=v_W, X_W=X_W, dphi_0=dphi_0, R_WB0_ref=self.R_WB0_ref, **biases
-        )
+        vars(out).update(p_W=p_W, R_WB=R_WB, v_W=v_W, X_W=X_W, dphi_0=dphi_0, R_WB0_ref=self.R_WB0_ref)
+        if self.gyro_bias is not None and self.accel_bias is not None:
+            gyro, accel = delta[KEYFRAME * len(p_W) : self.n_motion].reshape(2, -1, 3)
+            vars(out).update(gyro_bias=self.gyro_bias + gyro, accel_bias=self.accel_bias + accel)
         return out
 
     def local(self, other: State) -> Array:

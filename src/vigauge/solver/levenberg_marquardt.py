@@ -191,11 +191,10 @@ def _state_norm(state: State, origin: Array | None) -> float:
     Lengths are about ``origin``, if any: next to the distance of the Earth's centre every step is short.
     """
     p_W, X_W = (state.p_W, state.X_W) if origin is None else (state.p_W - origin, state.X_W - origin)
-    total = squares(p_W, state.v_W, X_W, state.dphi_0) + state.n_keyframes - 1
+    vectors: tuple[Array, ...] = p_W, state.v_W, X_W
     if state.gyro_bias is not None and state.accel_bias is not None:
-        total += float(np.vdot(state.gyro_bias, state.gyro_bias))
-        total += float(np.vdot(state.accel_bias, state.accel_bias))
-    return math.sqrt(total)
+        vectors += state.gyro_bias, state.accel_bias
+    return math.sqrt(squares(state.dphi_0, *vectors) + len(p_W) - 1)
 
 
 def solve(
@@ -257,7 +256,8 @@ class _Run:
         self._linearise()
         # Column scaling is that of the first Jacobian for the whole run (Ceres' jacobi_scaling);
         # it matters only where it meets the clamps of the damping.
-        self.scale_squared = (1.0 + np.sqrt(self.diagonal)) ** -2
+        scale = 1.0 / (1.0 + np.sqrt(self.diagonal))
+        self.scale_squared = scale * scale
         invalid = 0
         while True:
             status = self._must_stop()
