@@ -8,6 +8,7 @@ import pytest
 from support.dense import dense_jacobian, dense_residual
 from support.random_problem import random_problem, with_noise_of_its_own
 from support.simulated import estimate, trial
+from vigauge import example_problem
 from vigauge.errors import DegenerateError, SolverError
 from vigauge.kernels import covisibility
 from vigauge.kernels.lanes import LANES
@@ -170,6 +171,22 @@ def test_schur_step_is_the_dense_step(case, held):
     assert np.linalg.norm(scale * (step - expected)) < 1e-9 * np.linalg.norm(scale * expected)
     assert np.all(step[held] == 0.0)
     assert np.count_nonzero(step) == len(step) - len(held)
+
+
+@pytest.mark.parametrize("apart", [1, 2, 5])
+@pytest.mark.parametrize("width", [9, 15])
+def test_a_factor_between_velocities_of_any_keyframes_is_in_the_step(width, apart):
+    """Catches a step that leaves out what joins velocities of keyframes that are no neighbours."""
+    problem = example_problem(biases="estimated" if width == 15 else "known")
+    state = problem.initial
+    columns = motion_columns(state.n_keyframes, width)[[1, 1 + apart], 6:9].ravel()
+    factor = LinearFactor(columns, np.ones(3), 1e3 * np.hstack([np.eye(3), -np.eye(3)]))
+    equations = linearise(problem, state).with_factor(factor)
+    damping = 1e-4 * equations.diagonal()
+    step = equations.eliminate(damping).solve(NO_COLUMNS)
+    expected = dense_step(equations, damping, NO_COLUMNS)
+    scale = np.sqrt(equations.diagonal())
+    assert np.linalg.norm(scale * (step - expected)) < 1e-9 * np.linalg.norm(scale * expected)
 
 
 @pytest.mark.parametrize("case", [0, 1, 2, 4, 5])

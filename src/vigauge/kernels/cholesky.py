@@ -71,19 +71,26 @@ def invert_block(L: Array, n: int, stride: int, size: Sizes) -> None:
     _dpotri(_LOWER.ctypes, size.ctypes, L.ctypes, size[1:].ctypes, size[2:].ctypes)
 
 
+@part
+def solve_block(L: Array, n: int, stride: int, x: Array, size: Sizes) -> None:
+    """Replace a right-hand side (n,) by the solution, by a factor in full form; ``size`` (3,) is scratch."""
+    size[0], size[1], size[2] = n, stride, 1
+    N, lda, one = size.ctypes, size[1:].ctypes, size[2:].ctypes
+    _dtrsv(_LOWER.ctypes, _PLAIN.ctypes, _PLAIN.ctypes, N, L.ctypes, lda, x.ctypes, one)
+    _dtrsv(_LOWER.ctypes, _TRANSPOSED.ctypes, _PLAIN.ctypes, N, L.ctypes, lda, x.ctypes, one)
+
+
 @kernel
 def solve(factor: Array, stride: int, half_bandwidth: int, x: Array) -> None:
     """Replace a right-hand side by the solution."""
     n = np.empty(4, dtype=np.int32)
-    n[0], n[1], n[2], n[3] = len(x), half_bandwidth, stride, 1
-    N, k, lda, one, L = n.ctypes, n[1:].ctypes, n[2:].ctypes, n[3:].ctypes, factor.ctypes
     if stride != half_bandwidth:
-        _dtrsv(_LOWER.ctypes, _PLAIN.ctypes, _PLAIN.ctypes, N, L, lda, x.ctypes, one)
-        _dtrsv(_LOWER.ctypes, _TRANSPOSED.ctypes, _PLAIN.ctypes, N, L, lda, x.ctypes, one)
-    else:
-        n[2] = stride + 1
-        _dtbsv(_LOWER.ctypes, _PLAIN.ctypes, _PLAIN.ctypes, N, k, L, lda, x.ctypes, one)
-        _dtbsv(_LOWER.ctypes, _TRANSPOSED.ctypes, _PLAIN.ctypes, N, k, L, lda, x.ctypes, one)
+        solve_block(factor, len(x), stride, x, n)
+        return
+    n[0], n[1], n[2], n[3] = len(x), half_bandwidth, stride + 1, 1
+    N, k, lda, one, L = n.ctypes, n[1:].ctypes, n[2:].ctypes, n[3:].ctypes, factor.ctypes
+    _dtbsv(_LOWER.ctypes, _PLAIN.ctypes, _PLAIN.ctypes, N, k, L, lda, x.ctypes, one)
+    _dtbsv(_LOWER.ctypes, _TRANSPOSED.ctypes, _PLAIN.ctypes, N, k, L, lda, x.ctypes, one)
 
 
 @kernel

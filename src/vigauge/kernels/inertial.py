@@ -15,7 +15,7 @@ from ..geometry.so3 import Array
 from . import rotation
 from .compiled import kernel, part
 from .lanes import Index
-from .sizes import KEYFRAME
+from .sizes import KEYFRAME, POSE
 
 
 @part
@@ -116,6 +116,47 @@ def jacobian_of(
 
 
 @part
+def _add_own(
+    product: Array,
+    first: int,
+    count: int,
+    error: int,
+    at: int,
+    stride: int,
+    storage: Array,
+    gradient: Array,
+) -> None:
+    """Add columns ``first``.. of a product to the stored triangle from ``at`` on, J^T r to the gradient."""
+    for c in range(count):
+        gradient[at + c] += product[first + c, error]
+        for r in range(c, count):
+            storage[(at + c) * stride + at + r] += product[first + c, first + r]
+
+
+@part
+def _add_block(
+    product: Array,
+    first: int,
+    count: int,
+    at: int,
+    second: int,
+    counts: int,
+    to: int,
+    stride: int,
+    storage: Array,
+) -> None:
+    """Add a product's rows ``first``.. and columns ``second``.. to the stored triangle, ``at`` and ``to``."""
+    if at < to:
+        for c in range(count):
+            for r in range(counts):
+                storage[(at + c) * stride + to + r] += product[first + c, second + r]
+    else:
+        for r in range(counts):
+            for c in range(count):
+                storage[(to + r) * stride + at + c] += product[first + c, second + r]
+
+
+@part
 def add_products(
     size: int,
     i: int,
@@ -125,7 +166,8 @@ def add_products(
     J: Array,
     W_J: Array,
     product: Array,
-    column: Index,
+    pose: Index,
+    speed: Index,
     stride: int,
     storage: Array,
     gradient: Array,
@@ -133,36 +175,42 @@ def add_products(
     """Add J^T J and J^T r of one factor to the stored lower triangle and the gradient.
 
     ``J``, ``W_J`` (size, width): columns of keyframe i, of keyframe j, and the error, so that J^T J holds
-    the gradient too; ``product`` (2 size, width) is scratch. ``width``, the length of a row, must be no
-    constant, of which the compiler would make single instructions.
+    the gradient too; ``product`` (2 size, width) is scratch, its upper triangle is filled. ``width``, the
+    length of a row, must be no constant, of which the compiler would make single instructions.
     """
     W_J[:] = 0.0
     for a in range(size):
-        for b in range(a + 1):
+        for b in range(a // 3 * 3, a + 1):
             w = whitener[a, b]
             for c in range(width):
                 W_J[a, c] += w * J[b, c]
-    product[:] = 0.0
-    for a in range(size):
-        for r in range(2 * size):
-            w = W_J[a, r]
+        for b in range(0, a // 3 * 3, 3):
+            u, v, w = whitener[a, b], whitener[a, b + 1], whitener[a, b + 2]
             for c in range(width):
-                product[r, c] += w * W_J[a, c]
-    for c in range(size):
-        gradient[column[i] + c] += product[c, 2 * size]
-        gradient[column[j] + c] += product[size + c, 2 * size]
-        at, end = (column[i] + c) * stride + column[i], (column[j] + c) * stride + column[j]
-        for r in range(c, size):
-            storage[at + r] += product[c, r]
-            storage[end + r] += product[size + c, size + r]
-        if column[i] < column[j]:
-            at = (column[i] + c) * stride + column[j]
-            for r in range(size):
-                storage[at + r] += product[c, size + r]
-        else:
-            at = (column[j] + c) * stride + column[i]
-            for r in range(size):
-                storage[at + r] += product[size + c, r]
+                W_J[a, c] += u * J[b, c] + v * J[b + 1, c] + w * J[b + 2, c]
+    # Three rows at a time, and of each row the whole vectors that reach the diagonal.
+    product[:] = 0.0
+    for begin in range(0, 2 * size, 8):
+        length = width - begin
+        for r in range(begin, min(begin + 8, 2 * size)):
+            for a in range(0, size, 3):
+                u, v, w = W_J[a, r], W_J[a + 1, r], W_J[a + 2, r]
+                for k in range(length):
+                    c = begin + k
+                    product[r, c] += u * W_J[a, c] + v * W_J[a + 1, c] + w * W_J[a + 2, c]
+    # The sizes of blocks are constants here, and their loops single instructions.
+    speeds, end = size - POSE, size + POSE
+    pose_i, speed_i, pose_j, speed_j = pose[i], speed[i], pose[j], speed[j]
+    _add_own(product, 0, POSE, 2 * size, pose_i, stride, storage, gradient)
+    _add_own(product, POSE, speeds, 2 * size, speed_i, stride, storage, gradient)
+    _add_own(product, size, POSE, 2 * size, pose_j, stride, storage, gradient)
+    _add_own(product, end, speeds, 2 * size, speed_j, stride, storage, gradient)
+    _add_block(product, 0, POSE, pose_i, POSE, speeds, speed_i, stride, storage)
+    _add_block(product, 0, POSE, pose_i, size, POSE, pose_j, stride, storage)
+    _add_block(product, 0, POSE, pose_i, end, speeds, speed_j, stride, storage)
+    _add_block(product, POSE, speeds, speed_i, size, POSE, pose_j, stride, storage)
+    _add_block(product, POSE, speeds, speed_i, end, speeds, speed_j, stride, storage)
+    _add_block(product, size, POSE, pose_j, end, speeds, speed_j, stride, storage)
 
 
 # Length of a row of J: 18 columns and the error, in whole vectors of eight.
@@ -170,10 +218,11 @@ _ROW = 24
 
 
 @kernel
-def accumulate(column: Index, stride: int, storage: Array, gradient: Array, *inputs: Any) -> None:
+def accumulate(pose: Index, speed: Index, stride: int, storage: Array, gradient: Array, *inputs: Any) -> None:
     """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (9N,).
 
-    ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
+    ``pose`` and ``speed`` (N,) first stored column of each keyframe's pose and velocity; entry (r, c) is
+    ``storage[c * stride + r]``.
     """
     first, second, dt, dp, dR, dv, whitener, gravity, p_W, R_WB, v_W = inputs
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
@@ -187,4 +236,6 @@ def accumulate(column: Index, stride: int, storage: Array, gradient: Array, *inp
         jacobian_of(dt[f], R_WB[i], R_WB[j], shift, change, inverse, KEYFRAME, J)
         for a in range(3):
             J[a, 18], J[3 + a, 18], J[6 + a, 18] = shift[a] - dp[f, a], turn[a], change[a] - dv[f, a]
-        add_products(KEYFRAME, i, j, whitener[f], width, J, W_J, product, column, stride, storage, gradient)
+        add_products(
+            KEYFRAME, i, j, whitener[f], width, J, W_J, product, pose, speed, stride, storage, gradient
+        )

@@ -94,10 +94,11 @@ _ROW = 32
 
 
 @kernel
-def accumulate(column: Index, stride: int, storage: Array, gradient: Array, *inputs: Any) -> None:
+def accumulate(pose: Index, speed: Index, stride: int, storage: Array, gradient: Array, *inputs: Any) -> None:
     """Add J^T J and J^T r of every factor to the stored lower triangle and the gradient (15N,).
 
-    ``column`` (N,) first stored column of each keyframe; entry (r, c) is ``storage[c * stride + r]``.
+    ``pose`` and ``speed`` (N,) first stored column of each keyframe's pose, and of its velocity and biases;
+    entry (r, c) is ``storage[c * stride + r]``.
     """
     first, second, dt, _, _, _, whitener, _, by_bias, _, _, R_WB, _, gyro_bias, accel_bias = inputs
     shift, change, turn, scratch = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
@@ -130,5 +131,5 @@ def accumulate(column: Index, stride: int, storage: Array, gradient: Array, *inp
             J[9 + a, 30] = gyro_bias[j, a] - gyro_bias[i, a]
             J[12 + a, 30] = accel_bias[j, a] - accel_bias[i, a]
         add_products(
-            WITH_BIASES, i, j, whitener[f], width, J, W_J, product, column, stride, storage, gradient
+            WITH_BIASES, i, j, whitener[f], width, J, W_J, product, pose, speed, stride, storage, gradient
         )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.so3 import Array
-from . import cholesky, first_rotation, schur, symmetric
+from . import chain, cholesky, first_rotation, schur, symmetric
 from .compiled import kernel
 from .lanes import Index
+from .sizes import POSE
 
 
 @kernel
@@ -20,7 +21,7 @@ def solve(
     stride: int,
     half_bandwidth: int,
     at: int,
-    chain: Array,
+    first_chain: Array,
     factor: Array,
     half_gradient: Array,
     information: Array,
@@ -37,15 +38,23 @@ def solve(
     """
     size = len(stored)
     symmetric.hold(storage, held, stored, stride, half_bandwidth)
-    if not cholesky.factorise(storage, size, stride, half_bandwidth):
+    w, scratch = size // len(p_W) - POSE, np.empty(6, dtype=np.int32)
+    chained = stride != half_bandwidth and chain.is_chain(storage, size, w)
+    if chained:
+        if not chain.factorise(storage, size, w, scratch):
+            return False
+    elif not cholesky.factorise(storage, size, stride, half_bandwidth):
         return False
     motion = np.empty(size)
     for i in range(size):
         motion[i] = -motion_gradient[i]
     for i in held:
         motion[stored[i]] = 0.0
-    cholesky.solve(storage, stride, half_bandwidth, motion)
-    first_rotation.to_left(motion, stored, at, chain, step)
+    if chained:
+        chain.solve(storage, size, w, motion, scratch)
+    else:
+        cholesky.solve(storage, stride, half_bandwidth, motion)
+    first_rotation.to_left(motion, stored, at, first_chain, step)
     schur.back_substitute(
         information,
         p_W,

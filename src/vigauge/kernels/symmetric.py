@@ -60,6 +60,25 @@ def subtract_outer(G: Array, A: Array, W: Array) -> None:
 
 
 @part
+def clear(storage: Array, size: int, stride: int, half_bandwidth: int) -> None:
+    """Zeros in a triangle stored as in :func:`hold`; what is not part of it stays as it was."""
+    for c in range(size):
+        column = storage[c * (stride + 1) : c * stride + min(c + half_bandwidth + 1, size)]
+        for i in range(len(column)):
+            column[i] = 0.0
+
+
+@part
+def copy(storage: Array, size: int, stride: int, half_bandwidth: int, out: Array) -> None:
+    """A triangle stored as in :func:`hold` into ``out``; what is not part of it stays as it was there."""
+    for c in range(size):
+        start, end = c * (stride + 1), c * stride + min(c + half_bandwidth + 1, size)
+        column, to = storage[start:end], out[start:end]
+        for i in range(len(column)):
+            to[i] = column[i]
+
+
+@part
 def hold(storage: Array, held: Index, stored: Index, stride: int, half_bandwidth: int) -> None:
     """Rows and columns of the identity in a stored lower triangle: (r, c) is ``storage[c * stride + r]``.
 

@@ -150,7 +150,7 @@ class NormalEquations:
         DegenerateError where one is singular to rounding: a landmark seen along one line only.
         """
         s, layout = self.structure, self.structure.layout
-        storage, gradient = self.storage.copy(), self.motion_gradient.copy()
+        storage, gradient = layout.copy(self.storage), self.motion_gradient.copy()
         added = _NONE if damping is None else damping
         factor, half_gradient = np.empty((s.n_batches, 6 * LANES)), np.empty((s.n_batches, 3 * LANES))
 
@@ -163,7 +163,7 @@ class NormalEquations:
                 s.group_batch,
                 s.group_seen,
                 s.seen,
-                layout.column,
+                layout.pose,
                 layout.stride,
                 base,
                 *piece,
@@ -258,7 +258,7 @@ class ReducedSystem:
             self.motion_gradient,
             held,
             layout.stored,
-            layout.column,
+            layout.pose,
             layout.stride,
             layout.half_bandwidth,
             layout.first_rotation,
@@ -373,10 +373,10 @@ def linearise(
 
     shares = list(workers.map(accumulate, s.pieces))
     pose = sum(shares[1:], shares[0]) if shares else np.zeros((s.n_keyframes, visual.POSE_ENTRIES))
-    storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
-    visual.spread_poses(pose, layout.column, layout.stride, storage, gradient)
+    storage, gradient = layout.zeros(None if spent is None else spent.storage), np.zeros(layout.size)
+    visual.spread_poses(pose, layout.pose, layout.stride, storage, gradient)
     inertial_kernels(problem).accumulate(
-        layout.column, layout.stride, storage, gradient, *inertial_inputs(problem, state)
+        layout.pose, layout.speed, layout.stride, storage, gradient, *inertial_inputs(problem, state)
     )
     factors = linear_factors(problem, state)
     for factor in factors:
@@ -396,7 +396,7 @@ def inertial_information(problem: Problem, state: State) -> Array:
     layout = problem.structure.layout
     storage, gradient = np.zeros(layout.length), np.zeros(layout.size)
     inertial_kernels(problem).accumulate(
-        layout.column, layout.stride, storage, gradient, *inertial_inputs(problem, state)
+        layout.pose, layout.speed, layout.stride, storage, gradient, *inertial_inputs(problem, state)
     )
     _chart_to_total(layout, first_rotation.chain(state), storage, gradient)
     return layout.dense(storage)

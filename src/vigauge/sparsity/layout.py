@@ -1,9 +1,10 @@
 """How the motion block of H and the reduced camera system are stored: one lower triangle, dense or banded.
 
-Inside, a keyframe's parameters, nine or with biases fifteen, stand together and keyframes are ordered so that
-those that share landmarks are near each other: the triangle is then a band for a long
-flight. An entry (r, c), r >= c, sits at ``storage[c * stride + r]`` in both forms (LAPACK's
-column order, full or band), so whoever fills it need not know which one it is.
+In a band, a keyframe's parameters, nine or with biases fifteen, stand together, and keyframes are ordered so
+that those that share landmarks are near each other. In a dense triangle all velocities and biases come first,
+then all poses, see :mod:`vigauge.kernels.chain`. An entry (r, c), r >= c, sits at
+``storage[c * stride + r]`` in both forms (LAPACK's column order, full or band), so whoever fills it need not
+know which one it is.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from ..errors import SolverError
 from ..geometry.so3 import Array
 from ..kernels import cholesky, covisibility, symmetric
-from ..kernels.sizes import KEYFRAME
+from ..kernels.sizes import KEYFRAME, POSE, WITH_BIASES
 
 Index = NDArray[np.int64]
 
@@ -27,6 +28,9 @@ NOT_POSITIVE_DEFINITE = "the reduced camera system is not positive definite"
 SMALLEST_BAND = 180
 # A band wider than this share of the matrix is factorised dense: LAPACK's full form has larger blocks.
 WIDEST_BAND = 0.4
+
+# Columns of each kind of three, position first, after the first column of its block.
+_OF_KIND = 3 * np.arange(WITH_BIASES // 3)[:, None, None] + np.arange(3)
 
 
 def motion_columns(n_keyframes: int, width: int = KEYFRAME) -> Index:
@@ -127,14 +131,21 @@ class Layout:
         return self.size * (self.half_bandwidth + 1 if self.banded else self.size)
 
     @cached_property
-    def column(self) -> Index:
-        """(N,) first stored column of each keyframe."""
-        return self.width * self.place
+    def pose(self) -> Index:
+        """(N,) first stored column of each keyframe's pose."""
+        if self.banded:
+            return self.width * self.place
+        return (self.width - POSE) * len(self.place) + POSE * self.place
+
+    @cached_property
+    def speed(self) -> Index:
+        """(N,) first stored column of each keyframe's velocity, and of its biases, which follow."""
+        return self.pose + POSE if self.banded else (self.width - POSE) * self.place
 
     @cached_property
     def first_rotation(self) -> int:
         """Stored column where the first keyframe's rotation begins."""
-        return int(self.column[0]) + 3
+        return int(self.pose[0]) + 3
 
     @cached_property
     def columns(self) -> Index:
@@ -144,8 +155,23 @@ class Layout:
     @cached_property
     def stored(self) -> Index:
         """(9N,) stored column of each column of the package's order."""
-        of_kind = 3 * np.arange(self.width // 3)[:, None, None] + np.arange(3)
-        return (self.column[:, None] + of_kind).ravel()
+        out = np.empty((self.width // 3, len(self.place), 3), dtype=np.int64)
+        out[:2] = self.pose[:, None] + _OF_KIND[:2]
+        out[2:] = self.speed[:, None] + _OF_KIND[: len(out) - 2]
+        return out.ravel()
+
+    def zeros(self, spent: Array | None = None) -> Array:
+        """A triangle of zeros, in the memory of one that is no longer wanted, if any."""
+        if spent is None:
+            return np.zeros(self.length)
+        symmetric.clear(spent, self.size, self.stride, self.half_bandwidth)
+        return spent
+
+    def copy(self, storage: Array) -> Array:
+        """A copy of a triangle. What lies above it is never read."""
+        out = np.empty_like(storage)
+        symmetric.copy(storage, self.size, self.stride, self.half_bandwidth, out)
+        return out
 
     def diagonal(self, storage: Array) -> Array:
         """(9N,) view of the diagonal, stored order."""

@@ -164,7 +164,7 @@ class Structure:
     def stored_by(self, piece: tuple[int, int]) -> slice:
         """Stored entries of the motion block that the groups of a piece have a share in lie in this range."""
         groups = slice(self.group_seen[piece[0]], self.group_seen[piece[1]])
-        columns = self.layout.column[self.seen[groups]]
+        columns = self.layout.pose[self.seen[groups]]
         low, high = int(columns.min()), int(columns.max()) + POSE - 1
         return slice(low * (self.layout.stride + 1), high * (self.layout.stride + 1) + 1)
 

@@ -1,0 +1,142 @@
+"""Cholesky factor of a dense motion system whose velocities and biases form a chain.
+
+Images see poses only. Velocities and biases of a keyframe meet those of the next one, its own pose and the
+poses beside it. So they are eliminated one keyframe after another, at little cost, and a dense factor is left
+for the poses alone.
+
+Stored are the velocities and biases of all keyframes, ``w`` each, then all poses, ``size`` columns in all: a
+lower triangle in LAPACK's full form. What lies above the diagonal may be overwritten.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..geometry.so3 import Array
+from . import blas, cholesky
+from .blas import Sizes
+from .compiled import part
+from .sizes import POSE
+
+# Columns of the poses' block that one product gives, see :mod:`.blas`.
+_PANEL = 8
+
+
+@part
+def is_chain(storage: Array, size: int, w: int) -> bool:
+    """Whether no keyframe's velocity and biases meet those of a keyframe after the next, or its pose."""
+    n = size // (w + POSE)
+    for k in range(n - 2):
+        for c in range(w * k, w * k + w):
+            far = storage[c * size + w * (k + 2) : c * size + w * n]
+            later = storage[c * size + w * n + POSE * (k + 2) : c * size + size]
+            total = 0.0
+            for i in range(len(far)):
+                total += abs(far[i])
+            for i in range(len(later)):
+                total += abs(later[i])
+            if total != 0.0:  # NaN too
+                return False
+    return True
+
+
+@part
+def _subtract(factor: float, x: Array, out: Array) -> None:
+    """out <- out - factor x. Of slices the compiler knows that no index is negative: it uses vectors."""
+    for i in range(len(out)):
+        out[i] -= factor * x[i]
+
+
+@part
+def _eliminate(storage: Array, size: int, w: int, k: int, scratch: Sizes) -> bool:
+    """A keyframe's columns of the factor, in place, and their share off the next keyframe's columns.
+
+    Elimination fills what they share with earlier poses. False where a pivot is not positive.
+    """
+    n = size // (w + POSE)
+    own, tail = w * k * (size + 1), w * k * size + w * n
+    near, far = w * min(k + 2, n) - w * k, POSE * min(k + 2, n)
+    for c in range(w):
+        column = storage[own + c * size + c : own + c * size + near]
+        of_poses = storage[tail + c * size : tail + c * size + far]
+        for b in range(c):
+            before = storage[own + b * size + c : own + b * size + near]
+            _subtract(before[0], before, column)
+            _subtract(before[0], storage[tail + b * size : tail + b * size + far], of_poses)
+        if not column[0] > 0.0:
+            return False
+        scale = 1.0 / math.sqrt(column[0])
+        for i in range(len(column)):
+            column[i] *= scale
+        for i in range(far):
+            of_poses[i] *= scale
+    if near > w:
+        following, meets = storage[w * (k + 1) * size :], storage[own + w :]
+        to = w * (k + 1)
+        blas.multiply(meets, size, False, meets, size, True, w, w, w, -1, 1, following[to:], size, scratch)
+        to = w * n
+        blas.multiply(
+            storage[tail:], size, False, meets, size, True, far, w, w, -1, 1, following[to:], size, scratch
+        )
+    return True
+
+
+@part
+def _subtract_products(storage: Array, size: int, w: int, scratch: Sizes) -> None:
+    """The chain's share off the lower triangle of the poses."""
+    n = size // (w + POSE)
+    for c in range(0, POSE * n, _PANEL):
+        # Keyframes before this one do not meet the pose at c.
+        first = max(c // POSE - 1, 0)
+        at = w * first * size + w * n + c
+        blas.multiply(
+            storage[at:],
+            size,
+            False,
+            storage[at:],
+            size,
+            True,
+            POSE * n - c,
+            min(_PANEL, POSE * n - c),
+            w * (n - first),
+            -1,
+            1,
+            storage[(w * n + c) * (size + 1) :],
+            size,
+            scratch,
+        )
+
+
+@part
+def factorise(storage: Array, size: int, w: int, scratch: Sizes) -> bool:
+    """Overwrite the triangle by its factor; whether it is positive definite. ``scratch`` (6,)."""
+    n = size // (w + POSE)
+    for k in range(n):
+        if not _eliminate(storage, size, w, k, scratch):
+            return False
+    _subtract_products(storage, size, w, scratch)
+    return cholesky.factorise_block(storage[w * n * (size + 1) :], POSE * n, size, scratch) == 0
+
+
+@part
+def solve(factor: Array, size: int, w: int, x: Array, scratch: Sizes) -> None:
+    """Replace a right-hand side by the solution; ``factor`` is from :func:`factorise`."""
+    n = size // (w + POSE)
+    poses = w * n
+    of_poses = x[poses:]
+    for c in range(poses):
+        end = min(c // w + 2, n)
+        x[c] /= factor[c * (size + 1)]
+        _subtract(x[c], factor[c * size + c + 1 : c * size + w * end], x[c + 1 : w * end])
+        _subtract(x[c], factor[c * size + poses : c * size + poses + POSE * end], of_poses[: POSE * end])
+    cholesky.solve_block(factor[poses * (size + 1) :], POSE * n, size, of_poses, scratch)
+    for c in range(poses - 1, -1, -1):
+        end = min(c // w + 2, n)
+        near = factor[c * size + c + 1 : c * size + w * end]
+        far = factor[c * size + poses : c * size + poses + POSE * end]
+        total, following = x[c], x[c + 1 :]
+        for i in range(len(near)):
+            total -= following[i] * near[i]
+        for i in range(len(far)):
+            total -= of_poses[i] * far[i]
+        x[c] = total / factor[c * (size + 1)]
