@@ -33,6 +33,8 @@ from .process import pinned
 from .race import PARTS, Bench, Entry, Rules, least_seconds, race_covariances, race_solves
 from .results import Row, covariance_rows, roofline_rows, scaling_rows, solve_rows
 from .targets import target_rows
+from .with_biases import LARGEST as LARGEST_WITH_BIASES
+from .with_biases import rows_of as rows_with_biases
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -93,6 +95,7 @@ class Suite:
         self.rules = Rules(limit_s=options.limit_s, memory_gib=options.memory_gib, budget_s=options.budget_s)
         self.solves: list[Row] = []
         self.covariances: list[Row] = []
+        self.biased: tuple[list[Row], list[Row]] = ([], [])
         self.roofline: list[Row] = []
         self.profile: list[Row] = []
         self.floors: dict[str, float] = {}
@@ -128,6 +131,9 @@ class Suite:
             entries = race_covariances(bench, self.field, state, 1, self._scaled(size), parts)
             self.covariances += covariance_rows(size.name, problem, entries)
             self.known, self.last = least_seconds(entries), size
+        if size.n_keyframes <= LARGEST_WITH_BIASES:
+            found = rows_with_biases(size, self.field, self.options.data, self.rules, say)
+            self.biased = self.biased[0] + found[0], self.biased[1] + found[1]
         if size.n_keyframes in (10, 100, 1000):
             self.profile += [{"problem": size.name} | row for row in functions]
         if size.n_keyframes == 10:
@@ -188,11 +194,14 @@ class Suite:
             self.solves,
             self.covariances,
             scaling,
+            self.biased[0],
             self.others | ({} if found is None else {"paper_s": found}),
         )
         for name, rows in (
             ("solve", self.solves),
             ("covariance", self.covariances),
+            ("with_biases_solve", self.biased[0]),
+            ("with_biases_covariance", self.biased[1]),
             ("scaling", scaling),
             ("roofline", self.roofline),
             ("profile", self.profile),

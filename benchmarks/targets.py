@@ -28,6 +28,9 @@ COVARIANCE: tuple[tuple[str, str, str, Wanted], ...] = (
         {10: (10, 20), 30: (10, 20), 100: (10, 20)},
     ),
 )
+# With biases in the state, of the gauge where it is least; and an iteration over that with known biases.
+WITH_BIASES: dict[str, tuple[float, float]] = {"gtsam": (15, 30), "ceres": (5, 10)}
+OVER_KNOWN = (1.7, 1.3)
 FREE_OVER_FIXED = (1.3, 1.1)
 GROWTH = (1.2, 1.05)
 MEMORY_GIB = (3.0, 1.0)
@@ -57,13 +60,47 @@ def _cell(rows: Sequence[Row], column: str, **where: object) -> tuple[object, st
     """Value and interval of our row that fits; empty where there is none."""
     for row in rows:
         if row["solver"] == OURS and all(row[key] == value for key, value in where.items()):
-            low, high = row.get(f"{column}_low", ""), row.get(f"{column}_high", "")
-            return row[column], f"{low} to {high}" if low != "" else ""
+            return _of(row, column)
     return "", ""
 
 
+def _of(row: Row, column: str) -> tuple[object, str]:
+    low, high = row.get(f"{column}_low", ""), row.get(f"{column}_high", "")
+    return row[column], f"{low} to {high}" if low != "" else ""
+
+
+def bias_rows(solves: Sequence[Row]) -> list[Row]:
+    """Rows of targets.csv about rows of with_biases_solve.csv."""
+    out = []
+    ours = [row for row in solves if row["solver"] == OURS and row["ms_per_iteration"] != ""]
+    for n in dict.fromkeys(row["n_keyframes"] for row in ours):
+        estimated, known = (
+            {row["gauge"]: row for row in ours if row["n_keyframes"] == n and row["biases"] == kind}
+            for kind in ("estimated", "known")
+        )
+        for peer, wanted in WITH_BIASES.items():
+            column = f"ratio_to_{peer}"
+            raced = [row for row in estimated.values() if row[column] != ""]
+            least = min(raced, key=lambda row: float(str(row[column])), default=None)
+            value, interval = ("", "") if least is None else _of(least, column)
+            text = f"iteration with biases, N = {n}, against {peer}"
+            out.append(_row(text, value, wanted, at_least=True, interval=interval))
+        ratios = [
+            float(str(row["ms_per_iteration"])) / float(str(known[gauge]["ms_per_iteration"]))
+            for gauge, row in estimated.items()
+            if gauge in known
+        ]
+        text = f"iteration with biases, N = {n}, over known biases"
+        out.append(_row(text, round(max(ratios), 4) if ratios else "", OVER_KNOWN, at_least=False))
+    return out
+
+
 def target_rows(
-    solves: Sequence[Row], covariances: Sequence[Row], scaling: Sequence[Row], others: Mapping[str, float]
+    solves: Sequence[Row],
+    covariances: Sequence[Row],
+    scaling: Sequence[Row],
+    with_biases: Sequence[Row],
+    others: Mapping[str, float],
 ) -> list[Row]:
     """Rows of targets.csv. ``others`` may have start_s and paper_s."""
     out = []
@@ -71,6 +108,7 @@ def target_rows(
         for n, wanted in sizes.items():
             value, interval = _cell(solves, column, n_keyframes=n, gauge="free", threads=1)
             out.append(_row(text.format(n=n), value, wanted, at_least=True, interval=interval))
+    out += bias_rows(with_biases)
     for text, gauge, column, sizes in COVARIANCE:
         for n, wanted in sizes.items():
             value, interval = _cell(covariances, column, n_keyframes=n, gauge=gauge, threads=1, part="whole")

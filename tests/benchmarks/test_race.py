@@ -224,7 +224,7 @@ def test_targets_are_judged():
         "solver": OURS, "threads": 1, "n_keyframes": 10, "gauge": "free", "part": "whole",
         "ratio_to_pinv": 500.0, "ratio_to_marginals": 30.0, "ratio_to_fixed": 0.8,
     }  # fmt: skip
-    rows = {r["quantity"]: r for r in target_rows([], [covariance], scaling_example(), {"start_s": 0.5})}
+    rows = {r["quantity"]: r for r in target_rows([], [covariance], scaling_example(), [], {"start_s": 0.5})}
     assert rows["free motion covariance, N = 10, against pinv"]["verdict"] == "reached"
     assert rows["free over fixed covariance time, N = 10"]["measured"] == 1.25
     assert rows["free over fixed covariance time, N = 10"]["verdict"] == "reached"
@@ -233,3 +233,28 @@ def test_targets_are_judged():
     assert rows["process that solves one problem, s"]["verdict"] == "moonshot"
     assert rows["whole paper, s"]["verdict"] == "not measured"
     assert rows["iteration, N = 10, against gtsam"]["verdict"] == "not measured"
+
+
+def test_targets_with_biases_are_those_of_the_slowest_gauge():
+    """Catches a gauge that falls short behind one that does not, a row of known biases taken for one with
+    them, and a peer that was not there called reached."""
+
+    def row(biases: str, gauge: str, ms: float, ceres: float | str) -> dict:
+        return {
+            "biases": biases, "solver": OURS, "n_keyframes": 10, "gauge": gauge, "ms_per_iteration": ms,
+            "ratio_to_gtsam": "", "ratio_to_ceres": ceres, "ratio_to_ceres_low": 4.5,
+            "ratio_to_ceres_high": 5.5,
+        }  # fmt: skip
+
+    solves = [
+        row("estimated", "fix", 0.2, 6.0),
+        row("estimated", "free", 0.3, 4.9),
+        row("known", "fix", 0.15, 9.0),
+        row("known", "free", 0.1, ""),
+    ]
+    rows = {r["quantity"]: r for r in target_rows([], [], [], solves, {})}
+    ceres = rows["iteration with biases, N = 10, against ceres"]
+    assert (ceres["measured"], ceres["interval"], ceres["verdict"]) == (4.9, "4.5 to 5.5", "short")
+    assert rows["iteration with biases, N = 10, against gtsam"]["verdict"] == "not measured"
+    known = rows["iteration with biases, N = 10, over known biases"]
+    assert (known["measured"], known["verdict"]) == (3.0, "short")
