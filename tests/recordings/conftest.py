@@ -1,4 +1,4 @@
-"""A rendered recording through a fisheye, made once for all tests of recordings."""
+"""Rendered recordings with exact truth, made once for all tests of recordings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,16 @@ def fisheye_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         seed=7, duration_s=2.0, frame_spacing_min_s=0.1, frame_spacing_max_s=0.1, lens="equidistant"
     )
     write_asl_folder(render_sequence("room", settings), "room", folder, versions={})
+    return folder
+
+
+@pytest.fixture(scope="session")
+def good_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """2.4 s of lively motion at 20 Hz, inertial data and truth at 200 Hz for a second more at both ends."""
+    folder = tmp_path_factory.mktemp("checks") / "flight"
+    write_asl_folder(
+        render_sequence("room", RenderSettings(seed=5, duration_s=2.4)), "room", folder, versions={}
+    )
     return folder
 
 

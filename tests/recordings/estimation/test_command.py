@@ -5,6 +5,7 @@
 
 import csv
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -19,7 +20,7 @@ import pytest
 
 import vigauge as vg
 from support import ROOT
-from support.turning import render_turning
+from support.uniform_motion import render_uniform_motion
 from vigauge.cli import estimate as command
 from vigauge.errors import DataError
 from vigauge.recordings import Estimate
@@ -143,8 +144,36 @@ def scaled(columns: slice, factor: float) -> Callable[[Path], None]:
 
 def turning(folder: Path) -> None:
     """One camera that turns in place."""
-    render_turning(folder)
+    render_uniform_motion(folder, np.zeros(3))
     without("cam1", "state_groundtruth_estimate0")(folder)
+
+
+def straight(folder: Path) -> None:
+    """One camera at constant velocity, sideways."""
+    render_uniform_motion(folder, [0.0, 0.8, 0.0])
+    without("cam1", "state_groundtruth_estimate0")(folder)
+
+
+def gap(folder: Path) -> None:
+    """A tenth of a second of inertial samples is lost."""
+    path = folder / "mav0" / "imu0" / "data.csv"
+    rows = path.read_text("utf-8").splitlines(keepends=True)
+    middle = len(rows) // 2
+    rewrite(path, "".join(rows[:middle] + rows[middle + 20 :]))
+
+
+def exchanged_cameras(folder: Path) -> None:
+    left, right = (folder / "mav0" / name / "sensor.yaml" for name in ("cam0", "cam1"))
+    texts = left.read_text("utf-8"), right.read_text("utf-8")
+    rewrite(left, texts[1])
+    rewrite(right, texts[0])
+
+
+def black(folder: Path) -> None:
+    for path in folder.glob("mav0/cam?/data/*"):
+        size = cv2.imread(str(path), cv2.IMREAD_UNCHANGED).shape
+        path.unlink()
+        cv2.imwrite(str(path), np.zeros(size, np.uint8))
 
 
 def nothing(folder: Path) -> None:
@@ -157,6 +186,11 @@ REFUSED: dict[str, tuple[Callable[[Path], None], tuple[object, ...]]] = {
     "no inertial samples": (without("imu0"), ()),
     "standing still": (standing, ()),
     "one camera that only turns": (turning, ()),
+    "one camera at constant velocity": (straight, ()),
+    "inertial gap": (gap, ()),
+    "clock 40 ms off": (imu(lambda values: values, 40_000_000), ()),
+    "cameras exchanged": (exchanged_cameras, ()),
+    "black images": (black, ()),
     "window too short": (nothing, ("--start", 0.2, "--end", 0.6)),
     "window outside the recording": (nothing, ("--start", 100)),
     "clocks that share no time": (imu(lambda values: values, 10**12), ()),
@@ -170,6 +204,10 @@ REFUSED: dict[str, tuple[Callable[[Path], None], tuple[object, ...]]] = {
 }
 
 
+# A clock is told from more turns than the flight of the other cases has.
+LONGER = "clock 40 ms off"
+
+
 def says(case: str, shown: str) -> bool:
     """Whether the table's message for a case, with ... for what differs, is what was shown."""
     with (ROOT / "docs" / "faults.csv").open(encoding="utf-8", newline="") as stream:
@@ -179,10 +217,17 @@ def says(case: str, shown: str) -> bool:
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_refusal_is_one_sentence_and_nothing_is_written(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], case: str
+    folder: Path,
+    good_folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    case: str,
 ) -> None:
     """A traceback, a number from bad data, or a folder that is half there."""
     spoil, flags = REFUSED[case]
+    if case == LONGER:
+        shutil.rmtree(folder)
+        shutil.copytree(good_folder, folder, copy_function=os.link)
     spoil(folder)
     out = folder.parent / "out"
     assert run(monkeypatch, folder, "--out", out, *flags) == 2

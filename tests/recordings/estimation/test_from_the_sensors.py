@@ -15,7 +15,7 @@ import yaml
 
 import vigauge as vg
 from support.bags import Messages, Row
-from support.turning import render_turning
+from support.uniform_motion import render_uniform_motion
 from vigauge.cli import check_sequence, estimate, import_rosbag
 from vigauge.geometry import so3
 from vigauge.model.evaluation import align_first_pose
@@ -112,7 +112,7 @@ def test_from_the_sensors_to_the_truth(
     if kind == "fisheye":
         source = request.getfixturevalue("fisheye_folder")
     elif kind == "turning on the spot":
-        source = render_turning(tmp_path / "turning")
+        source = render_uniform_motion(tmp_path / "turning", np.zeros(3))
     ignore = shutil.ignore_patterns("state_groundtruth_*", "cam1" if kind == "bag of one camera" else "")
     shutil.copytree(source, tmp_path / "source", copy_function=os.link, ignore=ignore)
     if "bag" not in kind:
