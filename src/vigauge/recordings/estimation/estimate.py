@@ -167,7 +167,7 @@ def estimate(
     warnings = list(_checked(sequence, part, camera_time_offset_ns))
     sequence, more = _with_walks(sequence)
     _LOG.info("%s: window %s, %d keyframes of %d frames", sequence.name, part, count, part.frames)
-    settings = _settings(sequence, part, tracker, count, camera_time_offset_ns)
+    settings = front_end_settings(sequence, part, tracker, count, camera_time_offset_ns)
     problem, t_ns, report = build_problem(sequence, None, settings, progress=progress)
     solve = _Solve(sequence, t_ns)
     fit, problem, solution = _fit_noise(solve, problem, noise)
@@ -227,9 +227,10 @@ def _with_walks(sequence: Sequence) -> tuple[Sequence, list[str]]:
     return replace(sequence, imu_noise=replace(sequence.imu_noise, **missing)), [warning]
 
 
-def _settings(
-    sequence: Sequence, part: Part, tracker: str, keyframes: int, offset_ns: int
+def front_end_settings(
+    sequence: Sequence, part: Part, tracker: str, keyframes: int, offset_ns: int = 0
 ) -> FrontEndSettings:
+    """Settings with which :func:`estimate` looks at a part."""
     return FrontEndSettings.from_mapping(
         {
             "tracker": tracker,
