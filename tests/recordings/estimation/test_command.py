@@ -197,6 +197,7 @@ REFUSED: dict[str, tuple[Callable[[Path], None], tuple[object, ...]]] = {
     "calibration without a key": (without_key, ()),
     "gyroscope in deg/s": (scaled(slice(0, 3), 180.0 / np.pi), ()),
     "accelerometer in g": (scaled(slice(3, 6), 1.0 / 9.81), ()),
+    "accelerometer of the wrong sign": (scaled(slice(3, 6), -1.0), ()),
     "too many keyframes": (nothing, ("--keyframes", 1000)),
     "keyframe of the gauge missing": (nothing, ("--gauge", "keyframe:99")),
     "unknown gauge": (nothing, ("--gauge", "last")),

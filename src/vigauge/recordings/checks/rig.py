@@ -282,7 +282,11 @@ def _judge_clocks(fit: TurnFit, out: Findings) -> None:
         f"the inertial clock is {1e3 * fit.offset_s:+.1f} ms from the camera's "
         f"(deviation {1e3 * fit.offset_sigma_s:.1f})"
     )
-    remedy = f"set camera_time_offset_ns: {round(fit.offset_s * 1e9)} in the front-end settings"
+    offset_ns = round(fit.offset_s * 1e9)
+    remedy = (
+        f"set camera_time_offset_ns: {offset_ns} in the front-end settings, or give "
+        f"--camera-time-offset-ns {offset_ns}"
+    )
     if believed and abs(fit.offset_s) > OFFSET_ERROR_S:
         out.error("clock offset", f"{words}, limit {1e3 * OFFSET_ERROR_S:g}: {remedy}")
     elif believed and abs(fit.offset_s) > OFFSET_WARNING_S:

@@ -7,7 +7,7 @@ scale too, triangulated landmarks. Solving serves here only to find outliers; it
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from collections.abc import Sequence as SequenceOf
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ...errors import DataError
+from ...errors import DataError, VigaugeError
 from ...geometry.camera import EQUIDISTANT, Camera, ideal_size
 from ...geometry.so3 import Array
 from ...model.factors import BiasPrior
+from ...model.imu import ImuSamples
 from ...model.problem import InertialFactors, Problem
 from ...model.state import State
 from ..alignment import Alignment, align
@@ -56,6 +57,9 @@ _GYRO_BIAS_SIGMA_RADPS = 1.0
 SIGMA_PX = 1.0
 # What a known accelerometer bias, which wanders, may still be off by over a window.
 _KNOWN_BIAS_SIGMA_MPS2 = 0.01
+# Good recordings leave 0.5 to 7 mm between poses and inertial samples, and a force of the wrong sign 0.1 m or
+# more, a hundred times what the right one leaves.
+_PLAUSIBLE_MISFIT_M, _TIMES_BETTER = 0.02, 5.0
 
 
 @dataclass(frozen=True)
@@ -167,18 +171,42 @@ def _align(
     """Gravity, motion, biases and, of one camera, scale, at the noise that the outlier rounds believe in."""
     known = isinstance(biases, KnownBiases)
     alone = len(sequence.cameras) == 1
-    return align(
-        mapped.p_M,
-        mapped.R_MB,
-        sequence.imu.corrected(*biases.between(int(t_ns[0]), int(t_ns[-1]))),
-        t_ns,
-        sequence.imu_noise.scaled(settings.outliers.density_factor),
-        settings.gravity_mps2,
-        p_B=sequence.cameras[LEFT].p_BC if alone else np.zeros(3),
-        scale=alone,
-        accel_bias_sigma=_KNOWN_BIAS_SIGMA_MPS2 if known else settings.accel_bias_sigma_mps2,
-        largest_gap_s=ANY_GAP_S,
-    )
+
+    def aligned(samples: ImuSamples) -> Alignment:
+        return align(
+            mapped.p_M,
+            mapped.R_MB,
+            samples,
+            t_ns,
+            sequence.imu_noise.scaled(settings.outliers.density_factor),
+            settings.gravity_mps2,
+            p_B=sequence.cameras[LEFT].p_BC if alone else np.zeros(3),
+            scale=alone,
+            accel_bias_sigma=_KNOWN_BIAS_SIGMA_MPS2 if known else settings.accel_bias_sigma_mps2,
+            largest_gap_s=ANY_GAP_S,
+        )
+
+    samples = sequence.imu.corrected(*biases.between(int(t_ns[0]), int(t_ns[-1])))
+    found = aligned(samples)
+    if found.rms_position_m > _PLAUSIBLE_MISFIT_M and not alone:
+        _require_upward_force(sequence, found, aligned, samples)
+    return found
+
+
+def _require_upward_force(
+    sequence: Sequence, found: Alignment, aligned: Callable[[ImuSamples], Alignment], samples: ImuSamples
+) -> None:
+    """Refuse forces of the wrong sign, which would turn the world upside down."""
+    try:
+        opposite = aligned(replace(samples, accel=-samples.accel)).rms_position_m
+    except VigaugeError:
+        return
+    times = found.rms_position_m / opposite
+    if times > _TIMES_BETTER:
+        fits = f"the opposite sign fits the camera's motion {times:.0f} times better"
+        raise DataError(
+            sequence.folder / "mav0" / "imu0" / "data.csv", f"must be +9.8 upwards at rest: {fits}", field="a"
+        )
 
 
 def _track(
