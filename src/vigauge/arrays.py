@@ -23,9 +23,9 @@ T = TypeVar("T")
 # No quantity is as large; products of three such numbers are still finite.
 LARGEST = 1e100
 # Largest difference of two entries that ought to be equal, next to the root of their diagonal entries.
-_ASYMMETRY = 1e-8
+ASYMMETRY = 1e-8
 # Diagonal entries below this share of the largest are zero to rounding (rows that a gauge holds).
-_HELD = 1e-12
+HELD = 1e-12
 
 
 def reals(
@@ -135,20 +135,21 @@ def symmetric(what: str, value: object, n: int | str = "n") -> Array:
     """
     matrix = reals(what, value, (n, n), matrix=True)
     diagonal = np.diagonal(matrix)
-    floor = _HELD * float(np.max(diagonal, initial=0.0))
+    floor = HELD * float(np.max(diagonal, initial=0.0))
     if not len(matrix) or diagonal.min() < -floor:
         row = int(np.argmin(diagonal)) if len(matrix) else None
         value = float(diagonal[row]) if row is not None else matrix.shape
         raise DataError(what, "must have a diagonal without negative entries", row=row, value=value)
     size = np.sqrt(np.maximum(diagonal, floor))
-    excess = np.abs(matrix - matrix.T) - (_ASYMMETRY * size)[:, None] * size
+    excess = np.abs(matrix - matrix.T) - (ASYMMETRY * size)[:, None] * size
     if excess.max() > 0.0:
         at = np.unravel_index(int(np.argmax(excess)), matrix.shape)
-        raise _asymmetric(what, tuple(map(int, at)), float(matrix[at]), float(matrix.T[at]))
+        raise asymmetric(what, tuple(map(int, at)), float(matrix[at]), float(matrix.T[at]))
     return matrix
 
 
-def _asymmetric(what: str, at: tuple[int, ...], value: float, mirrored: float) -> DataError:
+def asymmetric(what: str, at: tuple[int, ...], value: float, mirrored: float) -> DataError:
+    """The error of two entries that ought to be equal."""
     rule = "must be symmetric; where only rounding is in the way, give 0.5 * (A + A.T)"
     if not (value and mirrored):
         rule = "must be symmetric, with both triangles; give L + L.T - diag(diagonal) of one triangle L"
@@ -168,28 +169,6 @@ def sparse_reals(what: str, value: Any, shape: tuple[int | str, int]) -> Any:
     return matrix
 
 
-def sparse_symmetric(what: str, value: Any, n: int) -> Any:
-    """``value`` of scipy.sparse as :func:`symmetric` takes a dense one, in compressed columns."""
-    matrix = sparse_reals(what, value, (n, n))
-    diagonal = matrix.diagonal()
-    if diagonal.min(initial=0.0) < 0.0:
-        row = int(np.argmin(diagonal))
-        rule = "must have a diagonal without negative entries"
-        raise DataError(what, rule, row=row, value=float(diagonal[row]))
-    other = matrix.T.tocsc()
-    parts = ("indptr", "indices", "data")
-    if all(np.array_equal(getattr(matrix, part), getattr(other, part)) for part in parts):
-        return matrix  # to the last digit: the difference would take longer than the test
-    size = np.sqrt(np.maximum(diagonal, _HELD * float(diagonal.max(initial=0.0))))
-    difference = (matrix - other).tocoo()
-    excess = np.abs(difference.data) - _ASYMMETRY * size[difference.row] * size[difference.col]
-    if excess.max(initial=0.0) > 0.0:
-        at = int(np.argmax(excess))
-        where = int(difference.row[at]), int(difference.col[at])
-        raise _asymmetric(what, where, float(matrix[where]), float(matrix[where[::-1]]))
-    return matrix
-
-
 def require_rotations(what: str, R: Array, *, field: str | None = None) -> None:
     """DataError where one of (M, 3, 3) finite matrices is no rotation, good to 1e-6."""
     # Entries outside [-2, 2] are no rotation's, and their products may overflow.
@@ -205,7 +184,7 @@ def require_rotations(what: str, R: Array, *, field: str | None = None) -> None:
 def require_symmetric(what: str, matrices: Array, *, field: str | None = None) -> None:
     """DataError where one of (M, n, n) matrices is not symmetric, as :func:`symmetric` measures it."""
     size = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
-    excess = np.abs(matrices - matrices.swapaxes(1, 2)) - _ASYMMETRY * size[:, :, None] * size[:, None, :]
+    excess = np.abs(matrices - matrices.swapaxes(1, 2)) - ASYMMETRY * size[:, :, None] * size[:, None, :]
     wrong = np.flatnonzero(excess.max(axis=(1, 2), initial=0.0) > 0.0)
     if wrong.size:
         raise DataError(what, "must be symmetric", field=field, row=int(wrong[0]))

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg.lapack as lapack
 import scipy.sparse as sparse
 
-from ..arrays import instance, reals, sparse_reals, sparse_symmetric, symmetric
+from ..arrays import instance, reals, sparse_reals, symmetric
 from ..errors import DataError, DegenerateError, IndefiniteError
 from ..gauge.group import Group, YawTranslation
 from ..gauge.layout import Index, Layout, null_space
@@ -18,6 +18,7 @@ from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
 from ..observability.audit import audit
 from ..sparsity.rounding import NOTHING, rounding
+from ..sparsity.symmetric import sparse_symmetric
 from .estimate import EstimateCovariance
 from .foreign import generalised_inverse
 from .inverses import DenseInverse, Inverse, Scaled, SchurInverse
@@ -371,7 +372,7 @@ def _sparse(H: Any, estimate: _Estimate) -> _Found:
         inverse = SparseInverse(H, scale, estimate.layout.nodes, held)
     except DegenerateError as error:
         raise estimate.refusal(error, measured, H) from error
-    if leak * inverse.size > _HARMLESS:
+    if not inverse.below(_HARMLESS / max(leak, NOTHING)):
         raise estimate.other_poses(leak, H)
     log_det = inverse.log_det - 2.0 * float(np.sum(np.log(np.delete(scale, held))))
     return Scaled(inverse, scale), N * scale[:, None], measured, log_det, held

@@ -75,16 +75,26 @@ class SparseInverse:
                     parameters=(at,),
                 )
             raise DegenerateError("more is unobservable than the gauge: H is singular to rounding")
-        self.size = self._largest()
-        """Largest eigenvalue of G."""
+        if not self.below(1.0 / rounding(self.n)):
+            raise DegenerateError(
+                f"more is unobservable than the gauge: the scaled information is singular"
+                f" (below {1.0 / self._largest[0]:.0e}, mostly in column {self._largest[1]})",
+                parameters=(self._largest[1],),
+            )
 
     def _factorise(self, H: Any, scale: Array, lift: float) -> tuple[int, float]:
         return multifrontal.factorise(
             self._fronts, H.indptr, H.indices, H.data, scale, self.order, self.place, lift, self._panels
         )
 
-    def _largest(self) -> float:
-        """Largest eigenvalue of G, by inverse iteration; DegenerateError where A is singular to rounding."""
+    def below(self, limit: float) -> bool:
+        """Whether no eigenvalue of G exceeds ``limit``: as a rule the trace, which is no less, tells."""
+        trace = float(np.sum(self._selected[self._diagonal]))
+        return trace <= limit or self._largest[0] <= limit
+
+    @cached_property
+    def _largest(self) -> tuple[float, int]:
+        """Largest eigenvalue of G, by inverse iteration, and the column that it is mostly in."""
         X, every = np.zeros((len(self.order), 4)), np.arange(len(self.order))
         # Random, and orthogonal to begin with: each row has one entry.
         X[every, every % 4] = np.random.default_rng(0).standard_normal(len(X))
@@ -92,24 +102,20 @@ class SparseInverse:
         for _ in range(2):
             X = np.linalg.qr(X)[0]
             multifrontal.solve(self._fronts, self._panels, X)
-        size = float(np.linalg.norm(X, 2)) if len(X) else 0.0
-        if not size * rounding(self.n) <= 1.0:
-            worst = int(self.order[np.argmax(np.abs(X[:, 0]))])
-            raise DegenerateError(
-                f"more is unobservable than the gauge: the scaled information is singular"
-                f" (below {1.0 / size:.0e}, mostly in column {worst})",
-                parameters=(worst,),
-            )
-        return size
+        return float(np.linalg.norm(X, 2)), int(self.order[np.argmax(np.abs(X[:, 0]))])
+
+    @cached_property
+    def _diagonal(self) -> Index:
+        """Where the panels have their diagonal entries."""
+        start, panel = self._fronts.start, self._fronts.panel
+        size, rows = np.diff(start), np.diff(panel) // np.maximum(np.diff(start), 1)
+        within = np.arange(len(self.order)) - np.repeat(start[:-1], size)
+        return np.repeat(panel[:-1], size) + within * (np.repeat(rows, size) + 1)
 
     @property
     def log_det(self) -> float:
         """log det of A without the held columns."""
-        start, panel = self._fronts.start, self._fronts.panel
-        size, rows = np.diff(start), np.diff(panel) // np.maximum(np.diff(start), 1)
-        within = np.arange(len(self.order)) - np.repeat(start[:-1], size)
-        diagonal = np.repeat(panel[:-1], size) + within * (np.repeat(rows, size) + 1)
-        return float(2.0 * np.sum(np.log(self._panels[diagonal])))
+        return float(2.0 * np.sum(np.log(self._panels[self._diagonal])))
 
     def times(self, B: Array) -> Array:
         """G B of columns (n, c)."""

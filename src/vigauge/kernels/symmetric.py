@@ -121,3 +121,39 @@ def add_diagonal_and_gradient(
         for m in range(len(residual)):
             diagonal[at[i]] += jacobian[m, i] * jacobian[m, i]
             gradient[at[i]] += jacobian[m, i] * residual[m]
+
+
+@kernel
+def largest_asymmetry(
+    begin: Index, row: Index, data: Array, size: Array, tolerance: float
+) -> tuple[float, int, int, float]:
+    """By how much |A_ij - A_ji| exceeds tolerance size_i size_j at most, where, and that difference.
+
+    A in compressed columns with sorted rows; what is not stored is zero. Zeros where nothing exceeds.
+    """
+    n = len(size)
+    worst, at_i, at_j, difference = 0.0, 0, 0, 0.0
+    # Where each column continues: the rows of its lower part are met in order while the columns pass.
+    ahead = np.empty(n, np.int64)
+    for j in range(n + 1):
+        first, end = (begin[j], begin[j + 1]) if j < n else (0, n)
+        if j < n:
+            ahead[j] = end
+        for e in range(first, end):
+            i = row[e] if j < n else e
+            if i >= j:
+                ahead[j] = e + (i == j)
+                break
+            partner = 0.0
+            while ahead[i] < begin[i + 1] and row[ahead[i]] <= j:
+                value, r = data[ahead[i]], row[ahead[i]]
+                ahead[i] += 1
+                if r == j:
+                    partner = value
+                elif abs(value) - tolerance * size[i] * size[r] > worst:
+                    worst, at_i, at_j = abs(value) - tolerance * size[i] * size[r], r, i
+                    difference = value
+            if j < n and abs(data[e] - partner) - tolerance * size[i] * size[j] > worst:
+                worst, at_i, at_j = abs(data[e] - partner) - tolerance * size[i] * size[j], i, j
+                difference = data[e] - partner
+    return worst, at_i, at_j, difference

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from ..arrays import instance, sparse_symmetric, symmetric
+from ..arrays import instance, symmetric
 from ..gauge.group import Group
 from ..gauge.layout import POSE, Index, Layout, null_space
 from ..geometry.so3 import Array
 from ..sparsity.rounding import NOTHING, rounding
+from ..sparsity.symmetric import sparse_symmetric
 from .hypotheses import Hypothesis, larger_groups, other_estimates, other_layouts, other_units
 from .own_blocks import separate, unmeasured
 

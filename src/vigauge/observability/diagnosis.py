@@ -21,7 +21,7 @@ import numpy as np
 from scipy.sparse import issparse
 from scipy.special import chdtri
 
-from ..arrays import indices, instance, reals, sparse_symmetric, symmetric
+from ..arrays import indices, instance, reals, symmetric
 from ..errors import DataError
 from ..gauge.group import YawTranslation, local_tangent
 from ..geometry import so3
@@ -32,6 +32,7 @@ from ..solver.normal_equations import NormalEquations, ReducedSystem, linearise
 from ..solver.residuals import down_weighted
 from ..sparsity.layout import Index, by_keyframe
 from ..sparsity.rounding import rounding
+from ..sparsity.symmetric import sparse_symmetric
 from .sparse_spectrum import SparseNullSpace
 from .spectrum import NullSpace
 from .unobservable import (
