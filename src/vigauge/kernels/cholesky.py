@@ -25,10 +25,6 @@ _dlauum: Any = types.ExternalFunction(
     name_symbol("cython_lapack", "dlauum"), types.void(CHAR, INT, DOUBLE, INT, INT)
 )
 
-_dpotri: Any = types.ExternalFunction(
-    name_symbol("cython_lapack", "dpotri"), types.void(CHAR, INT, DOUBLE, INT, INT)
-)
-
 _dtrsv: Any = types.ExternalFunction(
     name_symbol("cython_blas", "dtrsv"), types.void(CHAR, CHAR, CHAR, INT, DOUBLE, INT, DOUBLE, INT)
 )
@@ -62,13 +58,6 @@ def factorise(storage: Array, size: int, stride: int, half_bandwidth: int) -> bo
     n[0], n[1], n[2], n[3] = size, half_bandwidth, stride + 1, 0
     _dpbtrf(_LOWER.ctypes, n.ctypes, n[1:].ctypes, storage.ctypes, n[2:].ctypes, n[3:].ctypes)
     return n[3] == 0
-
-
-@part
-def invert_block(L: Array, n: int, stride: int, size: Sizes) -> None:
-    """Overwrite a factor in full form by the lower triangle of (L L^T)^-1; ``size`` (3,) is scratch."""
-    size[0], size[1], size[2] = n, stride, 0
-    _dpotri(_LOWER.ctypes, size.ctypes, L.ctypes, size[1:].ctypes, size[2:].ctypes)
 
 
 @part

@@ -10,10 +10,29 @@ import numpy as np
 
 from ..geometry.so3 import Array
 from .blas import Sizes, add_gram, multiply, solve_right
-from .cholesky import factorise_block, invert_block
+from .cholesky import factorise_block
 from .compiled import kernel, part
 from .elimination import Fronts
 from .lanes import Index
+
+
+@part
+def _runs(at: Index, ends: Index) -> None:
+    """Where the run of consecutive places ends that each of ``at`` stands in."""
+    for t in range(len(at) - 1, -1, -1):
+        ends[t] = ends[t + 1] if t + 1 < len(at) and at[t + 1] == at[t] + 1 else t + 1
+
+
+@part
+def _add(A: Array, count: int, out: Array) -> None:
+    for t in range(count):
+        out[t] += A[t]
+
+
+@part
+def _copy(A: Array, count: int, out: Array) -> None:
+    for t in range(count):
+        out[t] = A[t]
 
 
 @kernel
@@ -46,7 +65,7 @@ def factorise(
     # What eliminated fronts take from later ones, lower triangles, those of a front's children last.
     taken, pending, depth, top = np.empty(peak), np.empty(count, np.int64), 0, 0
     whole, spot = np.empty(largest * largest), np.empty(len(order), np.int64)
-    size = np.empty(4, np.int32)
+    size, ends = np.empty(4, np.int32), np.empty(largest, np.int64)
     for f in range(count):
         start, stop = fronts.start[f], fronts.start[f + 1]
         rows = fronts.rows[fronts.begin[f] : fronts.begin[f + 1]]
@@ -57,14 +76,16 @@ def factorise(
             depth -= 1
             child = pending[depth]
             at = fronts.relative[fronts.begin[child] : fronts.begin[child + 1]]
+            _runs(at, ends)
             top -= len(at) * len(at)
             for c in range(len(at)):
-                for r in range(c, len(at)):
-                    whole[at[c] * m + at[r]] += taken[top + c * len(at) + r]
+                r = c
+                while r < len(at):
+                    _add(taken[top + c * len(at) + r :], ends[r] - r, whole[at[c] * m + at[r] :])
+                    r = ends[r]
         panel = out[fronts.panel[f] : fronts.panel[f + 1]]
-        for c in range(s):
-            for r in range(c, m):
-                panel[c * m + r] = -whole[c * m + r]
+        for k in range(s * m):
+            panel[k] = -whole[k]
         for t in range(b):
             spot[rows[t]] = s + t
         for c in range(s):
@@ -82,8 +103,7 @@ def factorise(
             solve_right(panel, m, True, b, s, panel[s:], m, size)
             add_gram(panel, s, m, s, m, whole, size)
             for c in range(b):
-                for r in range(c, b):
-                    taken[top + c * b + r] = whole[(s + c) * m + s + r]
+                _copy(whole[(s + c) * m + s + c :], b - c, taken[top + c * b + c :])
             top += b * b
             pending[depth] = f
             depth += 1
@@ -142,19 +162,20 @@ def gram(fronts: Fronts, panels: Array, path: Index, X: Array, out: Array) -> No
 def select(fronts: Fronts, panels: Array, out: Array) -> None:
     """Entries of the inverse Z that stand where the panels have entries: both triangles of J, and B below.
 
-    With Y = L_BJ L_JJ^-1, last front first (Takahashi, Fagan and Chin 1973):
-    Z_BJ = -Z_BB Y and Z_JJ = (L_JJ L_JJ^T)^-1 - Y^T Z_BJ. Z_BB lies inside the parent.
+    With X = L_JJ^-1 and Y = -L_BJ X, last front first (Takahashi, Fagan and Chin 1973):
+    Z_BJ = Z_BB Y and Z_JJ = X^T X + Y^T Z_BJ. Z_BB lies inside the parent.
     """
     count = len(fronts.parent)
-    peak, largest = np.zeros(count + 1, np.int64), 0
+    peak, largest, tallest = np.zeros(count + 1, np.int64), 0, 0
     children = np.zeros(count + 1, np.int64)
     for f in range(count - 1, -1, -1):
         m = fronts.start[f + 1] - fronts.start[f] + fronts.begin[f + 1] - fronts.begin[f]
         peak[f] = peak[fronts.parent[f]] + m * m
-        largest = max(largest, fronts.panel[f + 1] - fronts.panel[f])
+        largest, tallest = max(largest, fronts.panel[f + 1] - fronts.panel[f]), max(tallest, m)
         children[fronts.parent[f]] += 1
-    # Z over all rows of the fronts between the one at work and the root.
-    wholes, Y, size = np.empty(peak.max()), np.empty(largest), np.empty(6, np.int32)
+    # Z over all rows of the fronts between the one at work and the root; X above Y.
+    wholes, XY, size = np.empty(peak.max()), np.empty(largest), np.empty(6, np.int32)
+    own, ends = np.empty(largest), np.empty(tallest, np.int64)
     for f in range(count - 1, -1, -1):
         parent, s = fronts.parent[f], fronts.start[f + 1] - fronts.start[f]
         at = fronts.relative[fronts.begin[f] : fronts.begin[f + 1]]
@@ -162,31 +183,32 @@ def select(fronts: Fronts, panels: Array, out: Array) -> None:
         m = s + b
         Z = wholes[peak[parent] : peak[f]]
         for c in range(s):
-            for r in range(c, s):
-                Z[c * m + r] = panel[c * m + r]
-            for r in range(b):
-                Y[c * b + r] = panel[c * m + s + r]
-        invert_block(Z, s, m, size)
+            for r in range(s):
+                XY[c * m + r] = 1.0 if r == c else 0.0
+        solve_right(panel, m, False, s, s, XY, m, size)
         for c in range(s):
-            for r in range(c):
-                Z[c * m + r] = Z[r * m + c]
+            _copy(XY[c * m :], s, Z[c * m :])
         if b:
             width = fronts.start[parent + 1] - fronts.start[parent]
             width += fronts.begin[parent + 1] - fronts.begin[parent]
             above = wholes[peak[fronts.parent[parent]] : peak[parent]]
+            _runs(at, ends)
             for c in range(b):
-                for r in range(b):
-                    Z[(s + c) * m + s + r] = above[at[c] * width + at[r]]
-            solve_right(panel, m, False, b, s, Y, b, size)
-            multiply(Z[s * (m + 1) :], m, False, Y, b, False, b, s, b, -1, 0, Z[s:], m, size)
-            multiply(Y, b, True, Z[s:], m, False, s, s, b, -1, 1, Z, m, size)
-            for c in range(s):
-                for r in range(c):
-                    Z[c * m + r] = Z[r * m + c] = 0.5 * (Z[c * m + r] + Z[r * m + c])
-                if children[f]:
-                    for r in range(s, m):
-                        Z[r * m + c] = Z[c * m + r]
-        out[fronts.panel[f] : fronts.panel[f + 1]] = Z[: s * m]
+                r = 0
+                while r < b:
+                    _copy(above[at[c] * width + at[r] :], ends[r] - r, Z[(s + c) * m + s + r :])
+                    r = ends[r]
+            multiply(panel[s:], m, False, XY, m, False, b, s, s, -1, 0, XY[s:], m, size)
+            multiply(Z[s * (m + 1) :], m, False, XY[s:], m, False, b, s, b, 1, 0, Z[s:], m, size)
+        multiply(XY, m, True, Z, m, False, s, s, m, 1, 0, own, s, size)
+        for c in range(s):
+            for r in range(s):
+                Z[c * m + r] = 0.5 * (own[c * s + r] + own[r * s + c])
+        _copy(Z, s * m, out[fronts.panel[f] :])
+        if children[f]:
+            for r in range(s, m):
+                for c in range(s):
+                    Z[r * m + c] = Z[c * m + r]
 
 
 @kernel
