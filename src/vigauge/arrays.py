@@ -175,7 +175,8 @@ def require_rotations(what: str, R: Array, *, field: str | None = None) -> None:
     small = np.abs(R).max(axis=(1, 2), initial=0.0) < 2.0
     R_small = np.where(small[:, None, None], R, 0.0)
     drift = np.abs(R_small @ R_small.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
-    drift = np.maximum(drift, np.where(np.linalg.det(R_small) > 0, 0.0, 2.0))
+    handed = np.sum(np.cross(R_small[:, 0], R_small[:, 1]) * R_small[:, 2], axis=1) > 0.0
+    drift = np.maximum(drift, np.where(handed, 0.0, 2.0))
     if np.any(drift > 1e-6):
         row = int(np.argmax(drift))
         raise DataError(what, "must be a rotation matrix", field=field, row=row, value=R[row])

@@ -19,7 +19,7 @@ from ..gauge.gauges import FreeGauge
 from ..gauge.group import Group
 from ..gauge.layout import POSE, Index, Layout
 from ..gauge.normals import gauge_normal
-from ..geometry.charts import chart_named
+from ..geometry.charts import Poses, chart_named
 from ..geometry.so3 import Array
 from .inverses import Inverse
 from .projection import along_orbit, independent_columns
@@ -254,7 +254,7 @@ class EstimateCovariance:
         else:
             V = gauge_normal(
                 self.layout,
-                (self.R, self.p),
+                Poses(self.R, self.p),
                 gauge,
                 group=self.group,
                 points=self.points,

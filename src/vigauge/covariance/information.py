@@ -191,9 +191,9 @@ class _Estimate:
         self.layout, self.points, self.gravity = layout, points, gravity
         self.rest = {"velocities": velocities, "vectors": vectors}
         self.group = YawTranslation() if group is None else group
-        self.R, self.p = poses_of(poses, layout.n_keyframes)
+        self.R, self.p = checked = poses_of(poses, layout.n_keyframes)
         tangent = null_space(
-            layout, (self.R, self.p), velocities, points, group=self.group, gravity=gravity, vectors=vectors
+            layout, checked, velocities, points, group=self.group, gravity=gravity, vectors=vectors
         )
         # In the plane a shift along z moves nothing.
         moves = np.any(tangent != 0.0, axis=0)

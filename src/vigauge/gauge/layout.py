@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from ..arrays import instance, integer, integers, reals
 from ..errors import DataError
 from ..geometry.charts import Chart, chart_named, poses_of
-from ..geometry.so3 import Array
+from ..geometry.so3 import Array, hat
 from .group import Group, YawTranslation, dimension
 
 Index = NDArray[np.int64]
@@ -239,7 +240,7 @@ class Layout:
     def world_from(self, key: Hashable, R: Array, p: Array) -> tuple[Array, Index]:
         """(6, c) increment in W (position, rotation) of a keyframe by its c pose columns, and these."""
         row = self.place(key)
-        inverse = np.linalg.inv(self.chart.from_world(R[row : row + 1], p[row : row + 1])[0])
+        inverse = self.chart.to_world(R[row : row + 1], p[row : row + 1])[0]
         parts, columns = [], []
         for kind in ("position", "rotation"):
             if kind in self.blocks:
@@ -262,19 +263,23 @@ def _found(what: str, places: Mapping[Hashable, int], key: Hashable) -> int:
     return place
 
 
-@dataclass(frozen=True)
-class _Move:
-    """A generator of the group: X <- X + turn x X + shift + scale X."""
+class _Moves(NamedTuple):
+    """The d generators of a group, a row each: X <- X + turn x X + shift + scale X."""
 
     turn: Array
     shift: Array
-    scale: float = 0.0
+    scale: Array
 
-    def point(self, X: Array) -> Array:
-        return np.cross(self.turn, X) + self.shift + self.scale * X
+    def turned(self, X: Array) -> Array:
+        """(K, 3, d) turn x X."""
+        return -hat(X) @ self.turn.T
+
+    def scaled(self, X: Array) -> Array:
+        """(K, 3, d) turn x X + scale X."""
+        return self.turned(X) + X[:, :, None] * self.scale
 
 
-def _moves(group: Group, gravity: object) -> list[_Move]:
+def _moves(group: Group, gravity: object) -> _Moves:
     instance("group", group, Group)
     up = np.array(_UP)
     if gravity is not None:
@@ -283,15 +288,15 @@ def _moves(group: Group, gravity: object) -> list[_Move]:
             raise DataError("gravity", "must have a direction", value=g)
         up = -g / np.linalg.norm(g)
     axes, none = np.eye(3), np.zeros(3)
-    known = {name: _Move(none, axis) for name, axis in zip("xyz", axes, strict=True)}
-    known |= {name: _Move(axis, none) for name, axis in zip(("roll", "pitch", "yaw"), axes, strict=True)}
-    known["scale"] = _Move(none, none, 1.0)
+    known = {name: (none, axis, 0.0) for name, axis in zip("xyz", axes, strict=True)}
+    known |= {name: (axis, none, 0.0) for name, axis in zip(("roll", "pitch", "yaw"), axes, strict=True)}
+    known["scale"] = (none, none, 1.0)
     if "roll" not in group.directions:
-        known["yaw"] = _Move(up, none)
+        known["yaw"] = (up, none, 0.0)
     unknown = [name for name in group.directions if name not in known]
     if unknown:
         raise DataError("group", f"directions must be among {', '.join(known)}", value=unknown)
-    return [known[name] for name in group.directions]
+    return _Moves(*map(np.array, zip(*(known[name] for name in group.directions), strict=True)))
 
 
 def null_space(
@@ -327,19 +332,19 @@ def null_space(
     moves = _moves(group, gravity)
     centre = p.mean(axis=0) if len(p) else np.zeros(3)
     world = np.empty((len(p), 6, dimension(group)))
-    world[:, :3] = np.stack([m.point(p - centre) for m in moves], axis=2)
-    world[:, 3:] = np.stack([np.broadcast_to(m.turn, p.shape) for m in moves], axis=2)
+    world[:, :3] = moves.scaled(p - centre) + moves.shift.T
+    world[:, 3:] = moves.turn.T
     others: dict[str, Array] = {}
     if "velocity" in layout.blocks:
         v = _needed("velocities", velocities, layout.n_keyframes)
-        others["velocity"] = np.stack([np.cross(m.turn, v) + m.scale * v for m in moves], axis=2)
+        others["velocity"] = moves.scaled(v)
     for kind in layout.vectors:
         value = _needed("vectors", (vectors or {}).get(kind), layout.n_keyframes, kind)
-        others[kind] = np.stack([np.cross(m.turn, value) for m in moves], axis=2)
+        others[kind] = moves.turned(value)
     U = layout.pose_rows(layout.chart.from_world(R, p) @ world, others)
     if layout.n_points:
         X = _needed("points", points, layout.n_points) - centre
-        U[layout.points] = np.stack([m.point(X) for m in moves], axis=2)
+        U[layout.points] = moves.scaled(X) + moves.shift.T
     return U
 
 

@@ -67,8 +67,8 @@ def gauge_normal(
 def _normal(
     layout: Layout, R: Array, p: Array, gauge: object, group: Group, points: Array | None, gravity: object
 ) -> Array:
-    moves = [move for move in _moves(group, gravity) if not move.scale]
-    pose = np.stack([np.concatenate([m.shift, m.turn]) for m in moves], axis=1)
+    moves = _moves(group, gravity)
+    pose = np.concatenate([moves.shift, moves.turn], axis=1)[moves.scale == 0.0].T
     # Derivatives of the constraints by increments in W of each keyframe (position, rotation).
     by_pose = np.zeros((len(p), 6, 1 if isinstance(gauge, (Distance, MeanDepth)) else pose.shape[1]))
     rays = np.empty((0, 3))
@@ -96,7 +96,7 @@ def _normal(
     else:
         rule = "must be FixedGauge(), KeyframeGauge(key), CentroidGauge(), Distance(i, j) or MeanDepth(key)"
         raise DataError("gauge", rule, value=gauge)
-    V = layout.pose_rows(np.linalg.solve(layout.chart.from_world(R, p).swapaxes(1, 2), by_pose))
+    V = layout.pose_rows(layout.chart.to_world(R, p).swapaxes(1, 2) @ by_pose)
     if len(rays):
         V[layout.points, 0] = rays
     return V

@@ -7,6 +7,7 @@ p <- p + dp, R <- Exp(dphi) R, with R and p of the body (camera) in the world.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,9 +55,19 @@ class Chart:
                 A[:, :3, 3:] = hat(p)
         return A
 
+    def to_world(self, R: Array, p: Array) -> Array:
+        """(N, 6, 6) increment in W by the own one: the inverse of :meth:`from_world`."""
+        A = np.zeros((len(R), 6, 6))
+        turn = R if self.side == "right" else np.eye(3)
+        A[:, 3:, 3:] = (-turn if self.inverse else turn) / self.factor
+        A[:, :3, :3] = {"body": R, "inverse": -R}.get(self.position, np.eye(3))
+        if self.position in ("inverse", "twist"):
+            A[:, :3, 3:] = -hat(p) @ A[:, 3:, 3:]
+        return A
+
     def to(self, other: Chart, R: Array, p: Array) -> Array:
         """(N, 6, 6) the other chart's increment, in its own order, by (position, rotation) of this one."""
-        A = other.from_world(R, p) @ np.linalg.inv(self.from_world(R, p))
+        A = other.from_world(R, p) @ self.to_world(R, p)
         return A[:, _ROTATION_FIRST] if other.rotation_first else A
 
 
@@ -87,11 +98,20 @@ def chart_named(argument: str, name: str) -> Chart:
     return CHARTS[name]
 
 
-def poses_of(poses: object, count: int | None = None) -> tuple[Array, Array]:
+class Poses(NamedTuple):
+    """R_WB (N, 3, 3) and p_W (N, 3) that :func:`poses_of` has checked, and need not again."""
+
+    R: Array
+    p: Array
+
+
+def poses_of(poses: object, count: int | None = None) -> Poses:
     """R_WB (N, 3, 3) and p_W (N, 3) of poses (N, 4, 4) or (N, 3, 4), or of a pair (R_WB, p_W).
 
     Raises DataError for other shapes or a matrix that is no rotation.
     """
+    if isinstance(poses, Poses) and len(poses.p) == count:
+        return poses
     if isinstance(poses, tuple) and len(poses) == 2:
         R = reals("poses", poses[0], ("N" if count is None else count, 3, 3), field="R")
         p = reals("poses", poses[1], (len(R), 3), field="p")
@@ -101,7 +121,7 @@ def poses_of(poses: object, count: int | None = None) -> tuple[Array, Array]:
             raise DataError("poses", "must have shape (N, 4, 4) or (N, 3, 4)", value=T.shape)
         R, p = np.ascontiguousarray(T[:, :3, :3]), np.ascontiguousarray(T[:, :3, 3])
     require_rotations("poses", R)
-    return R, p
+    return Poses(R, p)
 
 
 def as_convention(
