@@ -224,7 +224,10 @@ class EstimateCovariance:
     def _blocks(self, rows: Index, gauge: Any) -> Array:
         A, W = self._at(gauge)._projection
         cross = A[rows] @ W[rows].swapaxes(1, 2)
-        return _clean(self.inverse.blocks(rows) - cross - cross.swapaxes(1, 2))
+        out = self.inverse.blocks(rows)
+        out -= cross
+        out -= cross.swapaxes(1, 2)
+        return _clean(out)
 
     @cached_property
     def _projection(self) -> tuple[Array, Array]:

@@ -211,18 +211,20 @@ class _Estimate:
         """
         T = self.tangent / scale[:, None]
         N = independent_columns("poses", T)
-        T = T / np.linalg.norm(T, axis=0)
         A_N = times(N)
-        A_T = A_N @ (N.T @ T)
+        # The group's own directions, of length one, by N.
+        own = N.T @ T
+        own /= np.linalg.norm(own, axis=0)
         least = rounding(len(T))
         if jacobian:
             extent = float(np.std(self.p - self.p.mean(axis=0))) or 1.0
             least *= max(1.0, float(np.abs(self.p).max()) / extent)
             _, values, vectors = np.linalg.svd(A_N, full_matrices=False)
-            vectors, along = vectors.T, np.linalg.norm(A_T, axis=0)
+            vectors, along = vectors.T, np.linalg.norm(A_N @ own, axis=0)
         else:
-            values, vectors = np.linalg.eigh(N.T @ A_N)
-            along = np.einsum("ij,ij->j", T, A_T)
+            information = N.T @ A_N
+            values, vectors = np.linalg.eigh(information)
+            along = np.einsum("ij,ij->j", own, information @ own)
             if np.any(values < -least):
                 raise IndefiniteError(
                     f"H is not positive semidefinite: {values[0]:.0e} of its diagonal along the gauge"
@@ -252,6 +254,8 @@ class _Estimate:
 
     def _named(self, U: Array) -> tuple[str, ...]:
         """Names of the open directions; combinations of the rest where the group's own are mixed."""
+        if U.shape[1] == len(self.names):
+            return tuple(self.names)
         length = np.linalg.norm(self.tangent, axis=0)
         C, _ = np.linalg.qr(np.linalg.lstsq(self.tangent / length, U, rcond=None)[0])
         share = np.sum(C**2, axis=1)

@@ -61,8 +61,10 @@ class Scaled:
         return self.scale[a][:, None] * self.inverse.across(a, b) * self.scale[b]
 
     def blocks(self, rows: Index) -> Array:
-        size = self.scale[rows]
-        return size[:, :, None] * self.inverse.blocks(rows) * size[:, None, :]
+        size, out = self.scale[rows], self.inverse.blocks(rows)
+        out *= size[:, :, None]
+        out *= size[:, None, :]
+        return out
 
 
 @dataclass(frozen=True, eq=False)

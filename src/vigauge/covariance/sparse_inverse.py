@@ -56,12 +56,12 @@ class SparseInverse:
         first = np.concatenate([[0], np.cumsum(sizes)])
         graph = elimination.neighbours(H.indptr, H.indices, node, columns, first)
         nodes, begin, reach = elimination.eliminate(*graph, _sparse_order(*graph))
-        rank = np.argsort(nodes)
-        self.order = columns[np.argsort(rank[node[columns]], kind="stable")]
+        start = np.concatenate([[0], np.cumsum(sizes[nodes])])
+        self.order = columns[np.repeat(first[nodes] - start[:-1], sizes[nodes]) + np.arange(start[-1])]
         """Columns of the whole in elimination order."""
         self.place = np.full(self.n, -1, dtype=np.int64)
         self.place[self.order] = np.arange(len(self.order))
-        self._fronts = elimination.merge(begin, reach, np.concatenate([[0], np.cumsum(sizes[nodes])]))
+        self._fronts = elimination.merge(begin, reach, start)
         self._owner = np.repeat(np.arange(len(self._fronts.parent)), np.diff(self._fronts.start))
         self._panels = np.empty(self._fronts.panel[-1])
         if self._factorise(H, scale, 0.0)[0] >= 0:

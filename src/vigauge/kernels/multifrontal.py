@@ -219,6 +219,16 @@ def blocks(fronts: Fronts, selected: Array, owner: Index, at: Index, out: Array)
     """
     missing = np.zeros(len(at), np.bool_)
     for k in range(len(at)):
+        # As a rule all columns of a keyframe stand in one front.
+        lowest = at[k].min() if at.shape[1] else -1
+        if lowest >= 0 and at[k].max() < fronts.start[owner[lowest] + 1]:
+            f = owner[lowest]
+            whole = selected[fronts.panel[f] : fronts.panel[f + 1]]
+            m = len(whole) // (fronts.start[f + 1] - fronts.start[f])
+            for i in range(at.shape[1]):
+                for j in range(at.shape[1]):
+                    out[k, i, j] = whole[(at[k, i] - fronts.start[f]) * m + at[k, j] - fronts.start[f]]
+            continue
         for i in range(at.shape[1]):
             for j in range(i + 1):
                 low, high = min(at[k, i], at[k, j]), max(at[k, i], at[k, j])

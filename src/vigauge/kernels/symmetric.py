@@ -125,11 +125,12 @@ def add_diagonal_and_gradient(
 
 @kernel
 def largest_asymmetry(
-    begin: Index, row: Index, data: Array, size: Array, tolerance: float
+    begin: Index, row: Index, data: Array, size: Array, tolerance: float, diagonal: Array
 ) -> tuple[float, int, int, float]:
     """By how much |A_ij - A_ji| exceeds tolerance size_i size_j at most, where, and that difference.
 
     A in compressed columns with sorted rows; what is not stored is zero. Zeros where nothing exceeds.
+    Diagonal entries that are stored go to ``diagonal`` (n,).
     """
     n = len(size)
     worst, at_i, at_j, difference = 0.0, 0, 0, 0.0
@@ -142,7 +143,9 @@ def largest_asymmetry(
         for e in range(first, end):
             i = row[e] if j < n else e
             if i >= j:
-                ahead[j] = e + (i == j)
+                ahead[j] = e
+                if i == j:
+                    ahead[j], diagonal[j] = e + 1, data[e]
                 break
             partner = 0.0
             while ahead[i] < begin[i + 1] and row[ahead[i]] <= j:
