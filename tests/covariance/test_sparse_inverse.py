@@ -8,6 +8,7 @@ import scipy.sparse as sparse
 
 import vigauge as vg
 from vigauge.covariance.sparse_inverse import SparseInverse
+from vigauge.kernels import elimination
 
 
 def scattered(loops: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -64,3 +65,14 @@ def test_a_negative_eigenvalue_is_told_from_a_singular_matrix() -> None:
 
     refuse(1.0, vg.DegenerateError, "more is unobservable")
     refuse(1.01, vg.IndefiniteError, r"a pivot of -\d.* of its diagonal at column \d+")
+
+
+@pytest.mark.parametrize(("steps", "paired"), [((1, 2), True), ((1, 10), False)])
+def test_only_nodes_with_the_same_neighbours_are_ordered_in_pairs(
+    steps: tuple[int, int], paired: bool
+) -> None:
+    """Catches pairs in a grid, whose factor they fill up, and none in a chain of keyframes that overlap."""
+    ones = [np.ones(60 - step) for step in (0, *steps, *steps)]
+    graph = sparse.csc_array(sparse.diags_array(ones, offsets=[0, *steps, *(-step for step in steps)]))
+    number = elimination.pairs(graph.indptr, graph.indices)
+    np.testing.assert_array_equal(number[2:-2], np.arange(2, 58) // 2 if paired else np.arange(2, 58))

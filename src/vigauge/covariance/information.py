@@ -29,8 +29,10 @@ from .sparse_inverse import SparseInverse
 _HARMLESS = 1e-3
 # Largest share of a point's information that its coupling may lack.
 _FOREIGN = 1e-6
-# Up to so many columns a matrix is inverted dense, and no Jacobian squared: 20 ms at most (measured).
-_SMALL = 400
+# Up to so many columns a matrix is inverted dense, beyond by fronts, which are faster (measured).
+_SMALL = 150
+# Up to so many columns no Jacobian is squared, for its digits: 30 ms at most (measured).
+_UNSQUARED = 400
 # Share of a direction's square that makes it one of the group's own.
 _OWN = 1.0 - 1e-6
 
@@ -96,7 +98,7 @@ def from_jacobian(
     """
     instance("layout", layout, Layout)
     estimate = _Estimate(layout, poses, velocities, points, group, gravity, vectors)
-    if sparse.issparse(J) and J.shape[1] > _SMALL:
+    if sparse.issparse(J) and J.shape[1] > _UNSQUARED:
         J = sparse_reals("J", J, ("m", layout.n))
         H = (J.T @ J).tocsc()
         return estimate.covariance(*_sparse(H, estimate))

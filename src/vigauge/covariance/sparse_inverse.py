@@ -27,12 +27,11 @@ _AT_ONCE = 64
 
 def _sparse_order(start: Index, neighbour: Index) -> Index:
     """Nodes of a graph in compressed columns, in an order that keeps the factor sparse: minimum degree."""
-    count = len(start) - 1
-    column = np.repeat(np.arange(count), np.diff(start))
-    values = np.where(neighbour == column, 1.0, -1e-3 / count)
-    graph = sparse.csc_array((values, neighbour, start), (count, count))
+    pair = elimination.pairs(start, neighbour)
+    row, column = pair[neighbour], np.repeat(pair, np.diff(start))
+    graph = sparse.csc_array((np.where(row == column, 1.0, -1e-3 / len(neighbour)), (row, column)))
     lu = splu(graph, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    return np.argsort(lu.perm_c)
+    return np.argsort(lu.perm_c[pair], kind="stable")
 
 
 class SparseInverse:
