@@ -44,9 +44,9 @@ def camera_rows(sizes: Sizes) -> list[Row]:
     peer, theirs = "numpy pinv of S", least(pseudo_inverse)
     alone = least(lambda: from_schur({"group": vg.Similarity()}))
     whole = least(lambda: from_schur(problem.arguments))
-    rows = [row(case, what, alone, peer, theirs, note)]
+    rows = [row(case, what, alone, peer, theirs, note, to_reach="1 s")]
     what, note = "all 9 x 9 blocks, points taken in", f"{note}; the peer has no points"
-    return [*rows, row(case, what, whole, peer, theirs, note)]
+    return [*rows, row(case, what, whole, peer, theirs, note, to_reach="1 s")]
 
 
 def agreement_rows(sizes: Sizes) -> list[Row]:
