@@ -126,14 +126,14 @@ def add_diagonal_and_gradient(
 @kernel
 def largest_asymmetry(
     begin: Index, row: Index, data: Array, size: Array, tolerance: float, diagonal: Array
-) -> tuple[float, int, int, float]:
-    """By how much |A_ij - A_ji| exceeds tolerance size_i size_j at most, where, and that difference.
+) -> tuple[float, int, int]:
+    """By how much |A_ij - A_ji| exceeds tolerance size_i size_j at most, and where.
 
     A in compressed columns with sorted rows; what is not stored is zero. Zeros where nothing exceeds.
     Diagonal entries that are stored go to ``diagonal`` (n,).
     """
     n = len(size)
-    worst, at_i, at_j, difference = 0.0, 0, 0, 0.0
+    worst, at_i, at_j = 0.0, 0, 0
     # Where each column continues: the rows of its lower part are met in order while the columns pass.
     ahead = np.empty(n, np.int64)
     for j in range(n + 1):
@@ -155,8 +155,6 @@ def largest_asymmetry(
                     partner = value
                 elif abs(value) - tolerance * size[i] * size[r] > worst:
                     worst, at_i, at_j = abs(value) - tolerance * size[i] * size[r], r, i
-                    difference = value
             if j < n and abs(data[e] - partner) - tolerance * size[i] * size[j] > worst:
                 worst, at_i, at_j = abs(data[e] - partner) - tolerance * size[i] * size[j], i, j
-                difference = data[e] - partner
-    return worst, at_i, at_j, difference
+    return worst, at_i, at_j

@@ -16,14 +16,14 @@ def sparse_symmetric(what: str, value: Any, n: int) -> Any:
     matrix = sparse_reals(what, value, (n, n))
     entries = matrix.indptr, matrix.indices, matrix.data
     diagonal = np.zeros(n)
-    excess, *at, difference = largest_asymmetry(*entries, diagonal, 0.0, diagonal)
+    excess, *at = largest_asymmetry(*entries, diagonal, 0.0, diagonal)
     if diagonal.min(initial=0.0) < 0.0:
         row = int(np.argmin(diagonal))
         rule = "must have a diagonal without negative entries"
         raise DataError(what, rule, row=row, value=float(diagonal[row]))
     if excess > 0.0:
         size = np.sqrt(np.maximum(diagonal, HELD * float(diagonal.max(initial=0.0))))
-        excess, *at, difference = largest_asymmetry(*entries, size, ASYMMETRY, diagonal)
+        excess, *at = largest_asymmetry(*entries, size, ASYMMETRY, diagonal)
     if excess > 0.0:
         raise asymmetric(what, tuple(at), float(matrix[at[0], at[1]]), float(matrix[at[1], at[0]]))
     return matrix
