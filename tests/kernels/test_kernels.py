@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 
 import vigauge
 from support import ROOT
 from vigauge.geometry import so3
-from vigauge.kernels import blas, cholesky, damping, rotation
+from vigauge.kernels import blas, cholesky, damping, multifrontal, rotation, symmetric
 
 ANGLES = [0.0, 1e-300, 1e-12, 1e-8, 1e-4, 0.29999999, 0.3, 0.30000001, 1.0, 3.0, np.pi - 1e-9, np.pi, 6.0]
 vectors = st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array)
@@ -115,6 +116,36 @@ def test_products_of_some_columns(rows, columns, first, end):
     outside = np.ones_like(upper)
     outside[part, part] = False
     assert np.array_equal(out[outside], before[outside])
+
+
+@pytest.mark.parametrize("k", [0, 1, 4, 7])
+def test_pivots_are_those_of_a_pivoted_qr(k):
+    """Catches rows that are nearly dependent, or chosen twice: they would be held and leave a gauge free."""
+    N = np.linalg.qr(np.random.default_rng(k).normal(size=(50, 50)))[0][:, :k]
+    expected = scipy.linalg.qr(N.T, mode="economic", pivoting=True)[2][:k] if k else []
+    assert list(symmetric.pivots(N.copy())) == list(expected)
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(1, 0), (3, 5), (9, 30), (40, 60), (41, 60), (55, 0)])
+def test_panels_are_those_of_the_dense_factor(columns, rows):
+    """Catches an entry above the diagonal that is read, a rest of columns that are no multiple of four, and
+    LAPACK's way parting from our own."""
+    n = columns + rows
+    rng = np.random.default_rng(n)
+    J = rng.normal(size=(2 * n, n))
+    A = J.T @ J
+    L = np.linalg.cholesky(A)
+    size, panel = np.empty(6, dtype=np.int32), A.T[:columns].copy().ravel()
+    assert multifrontal.factorise_panel(panel, columns, n, size) == 0
+    found = np.where(np.tri(n, columns, dtype=bool), panel.reshape(columns, n).T, 0.0)
+    assert np.abs(found - L[:, :columns]).max() < 1e-13 * np.abs(L).max()
+    XY = np.full(columns * n, np.nan)
+    multifrontal.invert_panel(panel, columns, n, XY, size)
+    X = np.linalg.inv(L[:columns, :columns])
+    expected = np.concatenate([X, -L[columns:, :columns] @ X])
+    assert np.abs(XY.reshape(columns, n).T - expected).max() < 1e-11 * np.abs(expected).max()
+    A[columns - 1, columns - 1] = -1.0
+    assert multifrontal.factorise_panel(A.T[:columns].copy().ravel(), columns, n, size) == columns
 
 
 def test_damping_is_clamped_where_columns_are_scaled():

@@ -8,6 +8,7 @@ import scipy.sparse
 
 import vigauge as vg
 from vigauge.arrays import symmetric
+from vigauge.kernels.symmetric import exactly_symmetric
 from vigauge.sparsity.symmetric import sparse_symmetric
 
 
@@ -24,7 +25,9 @@ def test_one_entry_is_off(stored: bool, seed: int) -> None:
     """Catches an entry compared with another than its partner, or with none where that is not stored."""
     rng = np.random.default_rng(seed)
     A = matrix(rng)
-    np.testing.assert_array_equal(sparse_symmetric("A", scipy.sparse.csr_array(A), 40).toarray(), A)
+    taken, diagonal = sparse_symmetric("A", scipy.sparse.csr_array(A), 40)
+    np.testing.assert_array_equal(taken.toarray(), A)
+    np.testing.assert_array_equal(diagonal, np.diagonal(A))
     i, j = rng.choice(np.argwhere((A != 0.0) == stored))
     if i == j:
         i, j = 0, 39
@@ -38,3 +41,12 @@ def test_one_entry_is_off(stored: bool, seed: int) -> None:
         with pytest.raises(vg.DataError, match=rf"row ({i}, column {j}|{j}, column {i})\b") as refusal:
             gate("A", of, 40)
         assert "must be symmetric" in str(refusal.value)
+
+
+@pytest.mark.parametrize("triangle", [np.tril, np.triu])
+def test_one_triangle_is_no_symmetric_matrix(triangle) -> None:
+    """Catches entries without a partner that are never looked at, above or below the diagonal."""
+    A = scipy.sparse.csc_array(triangle(matrix(np.random.default_rng(0))))
+    assert not exactly_symmetric(A.indptr, A.indices, A.data, np.zeros(40))
+    with pytest.raises(vg.DataError, match="must be symmetric"):
+        sparse_symmetric("A", A, 40)

@@ -21,6 +21,7 @@ from ..gauge.layout import POSE, Index, Layout
 from ..gauge.normals import gauge_normal
 from ..geometry.charts import Poses, chart_named
 from ..geometry.so3 import Array
+from ..kernels import symmetric
 from .inverses import Inverse
 from .projection import along_orbit, independent_columns
 from .relative import RelativePose, is_still, relative_pose
@@ -127,11 +128,11 @@ class EstimateCovariance:
         Raises DataError for a key or kind that is not there, or where a keyframe lacks some of the columns.
         """
         layout = self.layout
-        at = None if keys is None else [layout.place(key) for key in instance("keys", keys, Iterable)]
+        at = np.arange(layout.n_keyframes)
+        if keys is not None:
+            at = np.array([layout.place(key) for key in instance("keys", keys, Iterable)], dtype=np.int64)
         if not kinds:
-            there = [
-                kind for kind, columns in layout.blocks.items() if np.any(columns[at or slice(None)] >= 0)
-            ]
+            there = [kind for kind, columns in layout.blocks.items() if np.any(columns[at] >= 0)]
             kinds = there if to is None else POSE
         kinds = list(instance("kinds", kinds, Iterable))
         if to is not None:
@@ -140,10 +141,10 @@ class EstimateCovariance:
                 raise DataError("kinds", rule, value=kinds)
             kinds = [*POSE, *(kind for kind in kinds if kind not in POSE)]
         rows = layout.columns_of(kinds)
-        if at is None:
-            named = layout.keys is not None and layout.having(kinds)
-            at = [layout.place(key) for key in named or layout.names]
-        lacking = np.flatnonzero((rows[at] < 0).any(axis=1))
+        whole = np.all(rows >= 0, axis=1)
+        if keys is None and layout.keys is not None and whole.any():
+            at = np.flatnonzero(whole)
+        lacking = np.flatnonzero(~whole[at])
         if lacking.size:
             key = layout.names[at[lacking[0]]]
             rule = f"must have columns of {', '.join(kinds)}: say which kinds, or ask with block()"
@@ -223,11 +224,9 @@ class EstimateCovariance:
 
     def _blocks(self, rows: Index, gauge: Any) -> Array:
         A, W = self._at(gauge)._projection
-        cross = A[rows] @ W[rows].swapaxes(1, 2)
         out = self.inverse.blocks(rows)
-        out -= cross
-        out -= cross.swapaxes(1, 2)
-        return _clean(out)
+        symmetric.project_blocks(out, np.ascontiguousarray(A), np.ascontiguousarray(W), rows)
+        return out
 
     @cached_property
     def _projection(self) -> tuple[Array, Array]:
@@ -263,7 +262,7 @@ class EstimateCovariance:
                 points=self.points,
                 gravity=self.gravity,
             )
-            V = V[:, np.any(V != 0.0, axis=0)]  # in the plane no column has a height
+            V = V[:, np.any(V, axis=0)]  # in the plane no column has a height
         if V.shape[1] < k or V.shape[1] not in (k, d):
             rule = f"must constrain the {k} open directions ({', '.join(self.open)})"
             hint = "; add vg.Distance or vg.MeanDepth for the scale" if "scale" in self.open else ""

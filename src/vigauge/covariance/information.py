@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from ..gauge.group import Group, YawTranslation
 from ..gauge.layout import Index, Layout, null_space
 from ..geometry.charts import poses_of
 from ..geometry.so3 import Array
+from ..kernels import symmetric as symmetric_kernels
 from ..observability.audit import audit
 from ..sparsity.rounding import NOTHING, rounding
 from ..sparsity.symmetric import sparse_symmetric
@@ -72,10 +74,9 @@ def from_hessian(
         where more than the group is unobservable
     """
     instance("layout", layout, Layout)
-    large = sparse.issparse(H) and H.shape[0] > _SMALL
-    H = sparse_symmetric("H", H, layout.n) if large else symmetric("H", H, layout.n)
+    make = _prepared("H", H, layout.n)
     estimate = _Estimate(layout, poses, velocities, points, group, gravity, vectors)
-    return estimate.covariance(*(_sparse if large else _dense)(H, estimate))
+    return estimate.covariance(*make(estimate))
 
 
 def from_jacobian(
@@ -101,7 +102,7 @@ def from_jacobian(
     if sparse.issparse(J) and J.shape[1] > _UNSQUARED:
         J = sparse_reals("J", J, ("m", layout.n))
         H = (J.T @ J).tocsc()
-        return estimate.covariance(*_sparse(H, estimate))
+        return estimate.covariance(*_sparse(H, H.diagonal(), estimate))
     return estimate.covariance(*_orthogonal(reals("J", J, ("m", layout.n), matrix=True), estimate))
 
 
@@ -131,15 +132,14 @@ def from_schur(
     information : (K, 3, 3) blocks of C
     """
     instance("layout", layout, Layout)
-    large = sparse.issparse(S) and S.shape[0] > _SMALL
-    S = sparse_symmetric("S", S, layout.n) if large else symmetric("S", S, layout.n)
+    make = _prepared("S", S, layout.n)
     if layout.n_points:
         raise DataError("layout", "must be that of S, in which points are eliminated", value=layout.n_points)
     given = [value is not None for value in (points, coupling, information)]
     if any(given) and not all(given):
         raise DataError("points", "must come with coupling and information, or none of the three")
     estimate = _Estimate(layout, poses, velocities, None, group, gravity, vectors)
-    found = estimate.covariance(*(_sparse if large else _dense)(S, estimate))
+    found = estimate.covariance(*make(estimate))
     if not all(given):
         return replace(found, whole=not found.U.shape[1])
     X = reals("points", points, ("K", 3))
@@ -198,7 +198,7 @@ class _Estimate:
             layout, checked, velocities, points, group=self.group, gravity=gravity, vectors=vectors
         )
         # In the plane a shift along z moves nothing.
-        moves = np.any(tangent != 0.0, axis=0)
+        moves = np.any(tangent, axis=0)
         self.tangent = tangent[:, moves]
         self.names = [name for name, some in zip(self.group.directions, moves, strict=True) if some]
 
@@ -314,10 +314,7 @@ _Found = tuple[Inverse, Array, tuple[str, ...], float, Index]
 
 def _held(N: Array) -> Index:
     """Rows of N (n, k) that are far from dependent: holding them stops every open direction."""
-    if not N.shape[1]:
-        return np.empty(0, dtype=np.int64)
-    pivots = lapack.dgeqp3(N.T)[1] - 1
-    return np.sort(pivots[: N.shape[1]]).astype(np.int64)
+    return np.sort(symmetric_kernels.pivots(np.array(N)))
 
 
 def _scale(diagonal: Array, layout: Layout) -> Array:
@@ -326,6 +323,13 @@ def _scale(diagonal: Array, layout: Layout) -> Array:
         rule = "diagonal must be positive: nothing measures this parameter, take its row and column out"
         raise DataError("H", rule, row=row, field=layout.name_of(row), value=float(diagonal[row]))
     return 1.0 / np.sqrt(diagonal)
+
+
+def _prepared(name: str, H: Any, n: int) -> Callable[[_Estimate], _Found]:
+    """A matrix, checked, that waits for the estimate."""
+    if sparse.issparse(H) and H.shape[0] > _SMALL:
+        return partial(_sparse, *sparse_symmetric(name, H, n))
+    return partial(_dense, symmetric(name, H, n))
 
 
 def _dense(H: Array, estimate: _Estimate) -> _Found:
@@ -370,8 +374,8 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
     return Scaled(DenseInverse(G), scale), N * scale[:, None], measured, log_det, held
 
 
-def _sparse(H: Any, estimate: _Estimate) -> _Found:
-    scale = _scale(H.diagonal(), estimate.layout)
+def _sparse(H: Any, diagonal: Array, estimate: _Estimate) -> _Found:
+    scale = _scale(diagonal, estimate.layout)
     N, measured, leak = estimate.split(lambda B: scale[:, None] * (H @ (scale[:, None] * B)), scale)
     held = _held(N)
     try:

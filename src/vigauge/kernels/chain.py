@@ -41,13 +41,6 @@ def is_chain(storage: Array, size: int, w: int) -> bool:
 
 
 @part
-def _subtract(factor: float, x: Array, out: Array) -> None:
-    """out <- out - factor x. Of slices the compiler knows that no index is negative: it uses vectors."""
-    for i in range(len(out)):
-        out[i] -= factor * x[i]
-
-
-@part
 def _eliminate(storage: Array, size: int, w: int, k: int, scratch: Sizes) -> bool:
     """A keyframe's columns of the factor, in place, and their share off the next keyframe's columns.
 
@@ -61,8 +54,8 @@ def _eliminate(storage: Array, size: int, w: int, k: int, scratch: Sizes) -> boo
         of_poses = storage[tail + c * size : tail + c * size + far]
         for b in range(c):
             before = storage[own + b * size + c : own + b * size + near]
-            _subtract(before[0], before, column)
-            _subtract(before[0], storage[tail + b * size : tail + b * size + far], of_poses)
+            cholesky.subtract(before[0], before, column)
+            cholesky.subtract(before[0], storage[tail + b * size : tail + b * size + far], of_poses)
         if not column[0] > 0.0:
             return False
         scale = 1.0 / math.sqrt(column[0])
@@ -127,14 +120,15 @@ def solve(factor: Array, size: int, w: int, x: Array, scratch: Sizes) -> None:
     for c in range(poses):
         end = min(c // w + 2, n)
         x[c] /= factor[c * (size + 1)]
-        _subtract(x[c], factor[c * size + c + 1 : c * size + w * end], x[c + 1 : w * end])
-        _subtract(x[c], factor[c * size + poses : c * size + poses + POSE * end], of_poses[: POSE * end])
+        cholesky.subtract(x[c], factor[c * size + c + 1 : c * size + w * end], x[c + 1 : w * end])
+        cholesky.subtract(
+            x[c], factor[c * size + poses : c * size + poses + POSE * end], of_poses[: POSE * end]
+        )
     cholesky.solve_block(factor[poses * (size + 1) :], POSE * n, size, of_poses, scratch)
     for c in range(poses - 1, -1, -1):
         end = min(c // w + 2, n)
-        near = factor[c * size + c + 1 : c * size + w * end]
-        far = factor[c * size + poses : c * size + poses + POSE * end]
-        total, following = x[c], x[c + 1 :]
+        column, total, following = factor[c * size : (c + 1) * size], x[c], x[c + 1 :]
+        near, far = column[c + 1 : w * end], column[poses : poses + POSE * end]
         for i in range(len(near)):
             total -= following[i] * near[i]
         for i in range(len(far)):

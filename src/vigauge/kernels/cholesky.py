@@ -39,6 +39,22 @@ _TRANSPOSED = np.frombuffer(b"T", dtype=np.uint8)
 
 
 @part
+def subtract(factor: float, x: Array, out: Array) -> None:
+    """out <- out - factor x. Of slices the compiler knows that no index is negative: it uses vectors."""
+    for i in range(len(out)):
+        out[i] -= factor * x[i]
+
+
+@part
+def subtract_four(
+    a: float, A: Array, b: float, B: Array, c: float, C: Array, d: float, D: Array, out: Array
+) -> None:
+    """As :func:`subtract`, of four at a time."""
+    for i in range(len(out)):
+        out[i] -= a * A[i] + b * B[i] + c * C[i] + d * D[i]
+
+
+@part
 def factorise_block(A: Array, n: int, stride: int, size: Sizes) -> int:
     """Overwrite a lower triangle (n, n) in full form by its factor; 0, or the pivot that is not positive.
 

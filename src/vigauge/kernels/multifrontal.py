@@ -6,14 +6,19 @@ column by column in a storage, as LAPACK takes it; see :class:`.elimination.Fron
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..geometry.so3 import Array
 from .blas import Sizes, add_gram, multiply, solve_right
-from .cholesky import factorise_block
+from .cholesky import factorise_block, subtract, subtract_four
 from .compiled import kernel, part
 from .elimination import Fronts
 from .lanes import Index
+
+# Fronts with more columns are left to LAPACK (measured).
+_BLOCKS_PAY = 40
 
 
 @part
@@ -33,6 +38,61 @@ def _add(A: Array, count: int, out: Array) -> None:
 def _copy(A: Array, count: int, out: Array) -> None:
     for t in range(count):
         out[t] = A[t]
+
+
+@part
+def factorise_panel(panel: Array, s: int, m: int, size: Sizes) -> int:
+    """Overwrite a panel, column by column, by its columns of L; 0, or the pivot that is not positive."""
+    if s > _BLOCKS_PAY:
+        wrong = factorise_block(panel, s, m, size)
+        if not wrong:
+            solve_right(panel, m, True, m - s, s, panel[s:], m, size)
+        return wrong
+    for c in range(s):
+        column = panel[c * m + c : (c + 1) * m]
+        whole = c // 4 * 4
+        for b in range(0, whole, 4):
+            A, B = panel[b * m + c :], panel[(b + 1) * m + c :]
+            C, D = panel[(b + 2) * m + c :], panel[(b + 3) * m + c :]
+            subtract_four(A[0], A, B[0], B, C[0], C, D[0], D, column)
+        for b in range(whole, c):
+            before = panel[b * m + c : (b + 1) * m]
+            subtract(before[0], before, column)
+        if not column[0] > 0.0:
+            return c + 1
+        scale = 1.0 / math.sqrt(column[0])
+        for t in range(len(column)):
+            column[t] *= scale
+    return 0
+
+
+@part
+def invert_panel(panel: Array, s: int, m: int, XY: Array, size: Sizes) -> None:
+    """X = L_JJ^-1 above Y = -L_BJ X into ``XY``, column by column as the panel."""
+    for c in range(s):
+        X, Y, L = XY[c * m : c * m + s], XY[c * m + s : (c + 1) * m], panel[c * m + s : (c + 1) * m]
+        for t in range(s):
+            X[t] = 0.0
+        X[c] = 1.0
+        for t in range(len(Y)):
+            Y[t] = -L[t]
+    if s > _BLOCKS_PAY:
+        solve_right(panel, m, False, m, s, XY, m, size)
+        return
+    for c in range(s - 1, -1, -1):
+        column, own = XY[c * m : (c + 1) * m], panel[c * m : (c + 1) * m]
+        k = c + 1
+        while k + 4 <= s:
+            A, B = XY[k * m + k :], XY[(k + 1) * m + k :]
+            C, D = XY[(k + 2) * m + k :], XY[(k + 3) * m + k :]
+            subtract_four(own[k], A, own[k + 1], B, own[k + 2], C, own[k + 3], D, column[k:])
+            k += 4
+        while k < s:
+            subtract(own[k], XY[k * m + k : (k + 1) * m], column[k:])
+            k += 1
+        scale = 1.0 / own[c]
+        for t in range(len(column)):
+            column[t] *= scale
 
 
 @kernel
@@ -88,19 +148,22 @@ def factorise(
             panel[k] = -whole[k]
         for t in range(b):
             spot[rows[t]] = s + t
+        for t in range(s):
+            spot[start + t] = t
         for c in range(s):
             column = order[start + c]
-            for e in range(begin[column], begin[column + 1]):
-                at_row = place[row[e]]
+            first, end, size_of = begin[column], begin[column + 1], scale[column]
+            into, rows_of, values = panel[c * m : (c + 1) * m], row[first:end], data[first:end]
+            for e in range(len(values)):
+                i = np.uint64(rows_of[e])
+                at_row = place[i]
                 if at_row >= start + c:
-                    r = at_row - start if at_row < stop else spot[at_row]
-                    panel[c * m + r] += data[e] * scale[column] * scale[row[e]]
-            panel[c * m + c] += lift
-        wrong = factorise_block(panel, s, m, size)
+                    into[np.uint64(spot[np.uint64(at_row)])] += values[e] * size_of * scale[i]
+            into[c] += lift
+        wrong = factorise_panel(panel, s, m, size)
         if wrong:
             return start + wrong - 1, panel[(wrong - 1) * (m + 1)]
         if b:
-            solve_right(panel, m, True, b, s, panel[s:], m, size)
             add_gram(panel, s, m, s, m, whole, size)
             for c in range(b):
                 _copy(whole[(s + c) * m + s + c :], b - c, taken[top + c * b + c :])
@@ -182,10 +245,7 @@ def select(fronts: Fronts, panels: Array, out: Array) -> None:
         panel, b = panels[fronts.panel[f] : fronts.panel[f + 1]], len(at)
         m = s + b
         Z = wholes[peak[parent] : peak[f]]
-        for c in range(s):
-            for r in range(s):
-                XY[c * m + r] = 1.0 if r == c else 0.0
-        solve_right(panel, m, False, s, s, XY, m, size)
+        invert_panel(panel, s, m, XY, size)
         for c in range(s):
             _copy(XY[c * m :], s, Z[c * m :])
         if b:
@@ -198,7 +258,6 @@ def select(fronts: Fronts, panels: Array, out: Array) -> None:
                 while r < b:
                     _copy(above[at[c] * width + at[r] :], ends[r] - r, Z[(s + c) * m + s + r :])
                     r = ends[r]
-            multiply(panel[s:], m, False, XY, m, False, b, s, s, -1, 0, XY[s:], m, size)
             multiply(Z[s * (m + 1) :], m, False, XY[s:], m, False, b, s, b, 1, 0, Z[s:], m, size)
         multiply(XY, m, True, Z, m, False, s, s, m, 1, 0, own, s, size)
         for c in range(s):

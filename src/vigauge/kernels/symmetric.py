@@ -23,6 +23,26 @@ def unpack(lower: Array, stored: Index, out: Array) -> None:
             out[j, i] = value
 
 
+@kernel
+def project_blocks(G: Array, A: Array, W: Array, rows: Index) -> None:
+    """G_b <- G_b - A_b W_b^T - W_b A_b^T for (m, c, c) G and the ``rows`` (m, c) of (n, d) A and W.
+
+    Exactly symmetric, from the lower triangles; variances that rounding made negative are zero.
+    """
+    d = A.shape[1]
+    for b in range(len(G)):
+        for i in range(rows.shape[1]):
+            r = rows[b, i]
+            for j in range(i + 1):
+                s = rows[b, j]
+                value = G[b, i, j]
+                for k in range(d):
+                    value -= A[r, k] * W[s, k] + W[r, k] * A[s, k]
+                G[b, i, j] = value
+                G[b, j, i] = value
+            G[b, i, i] = max(G[b, i, i], 0.0)
+
+
 @part
 def largest_ratio(inverse: Array, A: Array) -> float:
     """The largest |A^-1| by the diagonal of A: one where A is diagonal, NaN where it has one."""
@@ -124,13 +144,68 @@ def add_diagonal_and_gradient(
 
 
 @kernel
+def pivots(N: Array) -> Index:
+    """(k,) rows of N (n, k), each the farthest from the span of those before; N is overwritten."""
+    n, k = N.shape
+    out, unit = np.empty(k, dtype=np.int64), np.empty(k)
+    for step in range(k):
+        best, largest = 0, -1.0
+        for r in range(n):
+            square = 0.0
+            for c in range(k):
+                square += N[r, c] * N[r, c]
+            if square > largest:
+                best, largest = r, square
+        out[step] = best
+        length = math.sqrt(max(largest, 1e-300))
+        for c in range(k):
+            unit[c] = N[best, c] / length
+        for r in range(n):
+            along = 0.0
+            for c in range(k):
+                along += N[r, c] * unit[c]
+            for c in range(k):
+                N[r, c] -= along * unit[c]
+    return out
+
+
+@kernel
+def exactly_symmetric(begin: Index, row: Index, data: Array, diagonal: Array) -> bool:
+    """Whether A, in compressed columns with sorted rows, is symmetric to the last bit, pattern included.
+
+    Diagonal entries that are stored go to ``diagonal`` (n,).
+    """
+    # Where each column continues: the rows of its lower part are met in order while the columns pass.
+    ahead = begin[:-1].copy()
+    same = True
+    for j in range(len(diagonal)):
+        rows, values = row[begin[j] : begin[j + 1]], data[begin[j] : begin[j + 1]]
+        upper = 0
+        while upper < len(rows) and rows[upper] < j:
+            upper += 1
+        ahead[j] += upper
+        if upper < len(rows) and rows[upper] == j:
+            diagonal[j] = values[upper]
+            ahead[j] += 1
+        for e in range(upper):
+            i = np.uint64(rows[e])  # the compiler then knows that it is not negative
+            at = ahead[i]
+            if not (at < begin[rows[e] + 1] and row[at] == j and data[at] == values[e]):
+                same = False
+            else:
+                ahead[i] += 1
+    for j in range(len(diagonal)):
+        same &= ahead[j] == begin[j + 1]
+    return same
+
+
+@kernel
 def largest_asymmetry(
-    begin: Index, row: Index, data: Array, size: Array, tolerance: float, diagonal: Array
+    begin: Index, row: Index, data: Array, size: Array, tolerance: float
 ) -> tuple[float, int, int]:
     """By how much |A_ij - A_ji| exceeds tolerance size_i size_j at most, and where.
 
     A in compressed columns with sorted rows; what is not stored is zero. Zeros where nothing exceeds.
-    Diagonal entries that are stored go to ``diagonal`` (n,).
     """
     n = len(size)
     worst, at_i, at_j = 0.0, 0, 0
@@ -145,7 +220,7 @@ def largest_asymmetry(
             if i >= j:
                 ahead[j] = e
                 if i == j:
-                    ahead[j], diagonal[j] = e + 1, data[e]
+                    ahead[j] = e + 1
                 break
             partner = 0.0
             while ahead[i] < begin[i + 1] and row[ahead[i]] <= j:

@@ -72,8 +72,11 @@ def audit(
     """
     instance("layout", layout, Layout)
     sparse = scipy.sparse.issparse(H)
-    H = sparse_symmetric("H", H, layout.n) if sparse else symmetric("H", H, layout.n)
-    diagonal = H.diagonal()
+    if sparse:
+        H, diagonal = sparse_symmetric("H", H, layout.n)
+    else:
+        H = symmetric("H", H, layout.n)
+        diagonal = H.diagonal()
     given: dict[str, Any] = {
         "layout": layout,
         "poses": poses,

@@ -215,7 +215,7 @@ def diagnose_hessian(H: Any, U: Array, blocks: Mapping[str, Index] | None = None
     than 500 directions open.
     """
     large = issparse(H) and H.shape[0] > _SMALL
-    H = sparse_symmetric("H", H, H.shape[0]) if large else symmetric("H", H)
+    H = sparse_symmetric("H", H, H.shape[0])[0] if large else symmetric("H", H)
     n = H.shape[0]
     U = reals("U", U, (n, "d"), matrix=True)
     null = SparseNullSpace(H, U) if large else NullSpace(H, np.diagonal(H))

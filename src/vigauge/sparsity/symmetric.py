@@ -8,22 +8,24 @@ import numpy as np
 
 from ..arrays import ASYMMETRY, HELD, asymmetric, sparse_reals
 from ..errors import DataError
-from ..kernels.symmetric import largest_asymmetry
+from ..geometry.so3 import Array
+from ..kernels.symmetric import exactly_symmetric, largest_asymmetry
 
 
-def sparse_symmetric(what: str, value: Any, n: int) -> Any:
-    """``value`` of scipy.sparse as :func:`..arrays.symmetric` takes a dense one, in compressed columns."""
+def sparse_symmetric(what: str, value: Any, n: int) -> tuple[Any, Array]:
+    """``value`` of scipy.sparse by columns, as :func:`..arrays.symmetric` takes a dense one; its diagonal."""
     matrix = sparse_reals(what, value, (n, n))
     entries = matrix.indptr, matrix.indices, matrix.data
     diagonal = np.zeros(n)
-    excess, *at = largest_asymmetry(*entries, diagonal, 0.0, diagonal)
+    exact = exactly_symmetric(*entries, diagonal)
     if diagonal.min(initial=0.0) < 0.0:
         row = int(np.argmin(diagonal))
         rule = "must have a diagonal without negative entries"
         raise DataError(what, rule, row=row, value=float(diagonal[row]))
-    if excess > 0.0:
-        size = np.sqrt(np.maximum(diagonal, HELD * float(diagonal.max(initial=0.0))))
-        excess, *at = largest_asymmetry(*entries, size, ASYMMETRY, diagonal)
+    if exact:
+        return matrix, diagonal
+    size = np.sqrt(np.maximum(diagonal, HELD * float(diagonal.max(initial=0.0))))
+    excess, *at = largest_asymmetry(*entries, size, ASYMMETRY)
     if excess > 0.0:
         raise asymmetric(what, tuple(at), float(matrix[at[0], at[1]]), float(matrix[at[1], at[0]]))
-    return matrix
+    return matrix, diagonal
