@@ -86,14 +86,15 @@ def iteration_stages(problem: Problem) -> list[Stage]:
     # Six numbers a pair are enough to make its coupling from, see vigauge.kernels.visual.
     blocks = _DOUBLE * (6 * pairs + 9 * k)
     system = _DOUBLE * order * band
+    # Banded Cholesky; where the band is everything, velocities along their chain, then dense poses.
+    chain = sum(3.0 * (6.0 * min(i + 2, n) + 3.0) ** 2 for i in range(n)) + (6.0 * n) ** 3 / 3.0
     return [
         # 60 flops a residual; 100 more for its Jacobians, 216 for J^T J and J^T r of (6 + 3) columns.
         # A factor: two 9 x 9 products with the whitener, and J^T J of 18 columns.
         Stage("linearise", 376.0 * m + 6000.0 * f, measured * m + factor * f + state + blocks),
         # F = B L^-T a pair (6 x 3), and 6 x 6 products, 3 deep, for each pair of keyframes.
         Stage("eliminate", 40.0 * k + 60.0 * pairs + 216.0 * products, 2 * blocks + system),
-        # Banded Cholesky: order * band^2, a third of it where the band is the whole matrix.
-        Stage("factorise", order * band**2 * (1.0 if band < order else 1.0 / 3.0), 2 * system),
+        Stage("factorise", order * band**2 if band < order else chain, 2 * system),
         Stage("substitute", 4.0 * order * band + 80.0 * pairs + 30.0 * k, system + blocks + state),
         Stage("evaluate", 60.0 * m + 250.0 * f, measured * m + factor * f + state),
     ]
