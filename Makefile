@@ -95,6 +95,7 @@ fuzz: $(SET_UP)
 bench: $(SET_UP)
 	MALLOC_MMAP_THRESHOLD_=1073741824 MALLOC_TRIM_THRESHOLD_=1073741824 \
 	    $(RUN) python -m benchmarks --sizes $(SIZES)
+	MALLOC_MMAP_THRESHOLD_=1073741824 MALLOC_TRIM_THRESHOLD_=1073741824 $(RUN) python -m benchmarks.foreign
 
 bench-paper: $(SET_UP)
 	$(RUN) python -m benchmarks.paper_time --cores $(CORES)

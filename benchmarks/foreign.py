@@ -30,7 +30,7 @@ from .foreign_dense import agreement_rows, camera_rows
 from .foreign_graphs import graph_row, public_rows
 from .foreign_peers import ceres_blocks, gtsam_marginals, prior_rows
 from .foreign_problems import chain
-from .foreign_rows import REPEATS, Sizes, covariance_of, least, row, runs_of
+from .foreign_rows import REPEATS, TURN_S, Sizes, covariance_of, least, row, runs_of
 from .process import pinned
 from .results import Row
 
@@ -117,7 +117,9 @@ def main(folder: Path = RESULTS, sizes: Sizes = FULL) -> list[Row]:
     peers = {name: version(name) for name in ("gtsam", "pyceres", "pycolmap", "numba")}
     about = {"machine": describe_machine(), "versions": versions(), "peers": peers, "sizes": asdict(sizes)}
     threads = {name: value for name, value in sorted(os.environ.items()) if name.endswith("_NUM_THREADS")}
-    write_json(folder / "foreign.json", about | {"repeats": REPEATS, "threads": threads})
+    write_json(
+        folder / "foreign.json", about | {"repeats": REPEATS, "seconds_of_a_turn": TURN_S, "threads": threads}
+    )
     draw(raced, folder / "foreign")
     return rows
 
