@@ -42,7 +42,7 @@ _RUNS = runs_of(REPEATS)
 
 
 def least(work: Callable[[], Any], repeats: int = REPEATS) -> tuple[Any, float]:
-    """What ``work`` gives, and the least seconds of one run, or of ``repeats`` or more where it is short."""
+    """What ``work`` gives, and the least seconds of its runs: one, or ``repeats`` and a second's."""
     seconds: list[float] = []
     while len(seconds) < repeats or (repeats > 1 and sum(seconds) < TURN_S):
         begin = time.perf_counter()

@@ -166,6 +166,13 @@ def sparse_reals(what: str, value: Any, shape: tuple[int | str, int]) -> Any:
     matrix = scipy.sparse.csc_array(value)
     matrix.sum_duplicates()
     matrix.data = reals(what, matrix.data, ("nnz",), field="data", matrix=True)
+    # SciPy takes any index; rows of a column are sorted now.
+    filled = np.flatnonzero(np.diff(matrix.indptr))
+    first, last = matrix.indices[matrix.indptr[filled]], matrix.indices[matrix.indptr[filled + 1] - 1]
+    if filled.size and (first.min() < 0 or last.max() >= matrix.shape[0]):
+        rule = f"must be rows of the matrix, 0..{matrix.shape[0] - 1}"
+        value = int(first.min() if first.min() < 0 else last.max())
+        raise DataError(what, rule, field="indices", value=value)
     return matrix
 
 

@@ -90,6 +90,33 @@ def test_poses_in_another_convention(side: str) -> None:
         covariance.keyframes(kinds=["position"], to="ros")
 
 
+def test_poses_of_four_columns_in_another_convention() -> None:
+    """Catches x, y, z and yaw taken for poses in the plane: z would be the angle."""
+    rng = np.random.default_rng(7)
+    n = 5
+    at = np.arange(4 * n).reshape(n, 4)
+    layout = vg.Layout(4 * n, {"position": at[:, :3], "rotation": at[:, 3:]})
+    poses = so3.exp(rng.normal(size=(n, 1)) * [0.0, 0.0, 1.0]), rng.normal(size=(n, 3))
+    U = vg.null_space(layout, poses)
+    J = rng.normal(size=(6 * n, 4 * n))
+    covariance = vg.Covariance.from_jacobian(J - J @ U @ np.linalg.pinv(U), layout, poses)
+    own = covariance.keyframes(vg.CentroidGauge())
+    found = covariance.keyframes(vg.CentroidGauge(), to="ros")
+    moves = [0, 1, 2, 5]
+    np.testing.assert_allclose(found[:, moves][:, :, moves], own, rtol=1e-9, atol=1e-12)
+    assert not found[:, 3:5].any() and not found[:, :, 3:5].any()
+
+
+def test_no_keyframes_have_no_covariances() -> None:
+    """Catches a crash where a caller's selection is empty."""
+    rng = np.random.default_rng(8)
+    layout = vg.Layout.by_keyframe(4, BLOCKS, points=5, side="left")
+    at, _, J = problem(layout, vg.YawTranslation(), rng)
+    covariance = vg.Covariance.from_jacobian(J, layout, *at.args)
+    assert covariance.keyframes(vg.CentroidGauge(), keys=[]).shape == (0, 9, 9)
+    assert covariance.joint([], vg.CentroidGauge()).shape == (0, 0)
+
+
 @pytest.mark.parametrize("side", ["right", "gtsam"])
 def test_what_a_gauge_holds_has_no_negative_variance(build, side: str) -> None:
     """Catches rounding below zero, of which a square root would be NaN."""

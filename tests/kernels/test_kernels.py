@@ -135,9 +135,10 @@ def test_panels_are_those_of_the_dense_factor(columns, rows):
     J = rng.normal(size=(2 * n, n))
     A = J.T @ J
     L = np.linalg.cholesky(A)
-    size, panel = np.empty(6, dtype=np.int32), A.T[:columns].copy().ravel()
+    size, lower = np.empty(6, dtype=np.int32), np.tri(n, columns, dtype=bool)
+    panel = np.where(lower, A[:, :columns], np.nan).T.copy().ravel()
     assert multifrontal.factorise_panel(panel, columns, n, size) == 0
-    found = np.where(np.tri(n, columns, dtype=bool), panel.reshape(columns, n).T, 0.0)
+    found = np.where(lower, panel.reshape(columns, n).T, 0.0)
     assert np.abs(found - L[:, :columns]).max() < 1e-13 * np.abs(L).max()
     XY = np.full(columns * n, np.nan)
     multifrontal.invert_panel(panel, columns, n, XY, size)
@@ -157,12 +158,14 @@ def test_damping_is_clamped_where_columns_are_scaled():
 
 
 def test_predicted_decrease_is_that_of_the_model():
-    """Catches a lost half or sign: -(g x + x H x / 2) where (H + D) x = -g."""
+    """Catches a lost half or sign: -(g x + x H x / 2) where (H + D) x = -g; and a square for a length."""
     rng = np.random.default_rng(1)
     J, g, D = rng.normal(size=(8, 5)), rng.normal(size=5), rng.uniform(0.1, 1.0, 5)
     H = J.T @ J
     x = np.linalg.solve(H + np.diag(D), -g)
-    assert damping.predicted_decrease(g, D, x) == pytest.approx(-(g @ x + 0.5 * x @ H @ x), rel=1e-12)
+    decrease, length = damping.predicted_decrease(g, D, x)
+    assert decrease == pytest.approx(-(g @ x + 0.5 * x @ H @ x), rel=1e-12)
+    assert length == pytest.approx(np.linalg.norm(x), rel=1e-12)
 
 
 _SOLVE = """

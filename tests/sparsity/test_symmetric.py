@@ -16,7 +16,8 @@ def matrix(rng: np.random.Generator, n: int = 40) -> np.ndarray:
     """Positive definite with units of very different size, four in five entries zero."""
     half = scipy.sparse.random_array((n, n), density=0.1, rng=rng).toarray()
     size = 10.0 ** rng.uniform(-2.0, 2.0, n)
-    return (half @ half.T + np.eye(n)) * size * size[:, None]
+    A = (half @ half.T + np.eye(n)) * size * size[:, None]
+    return np.tril(A) + np.tril(A, -1).T  # to the last bit
 
 
 @pytest.mark.parametrize("stored", [True, False])
@@ -28,6 +29,7 @@ def test_one_entry_is_off(stored: bool, seed: int) -> None:
     taken, diagonal = sparse_symmetric("A", scipy.sparse.csr_array(A), 40)
     np.testing.assert_array_equal(taken.toarray(), A)
     np.testing.assert_array_equal(diagonal, np.diagonal(A))
+    assert exactly_symmetric(taken.indptr, taken.indices, taken.data, np.zeros(40))
     i, j = rng.choice(np.argwhere((A != 0.0) == stored))
     if i == j:
         i, j = 0, 39
@@ -36,7 +38,8 @@ def test_one_entry_is_off(stored: bool, seed: int) -> None:
     less[i, j] += 0.9 * allowed
     more[i, j] += 1.1 * allowed
     symmetric("A", less)
-    sparse_symmetric("A", scipy.sparse.csr_array(less), 40)
+    between = sparse_symmetric("A", scipy.sparse.csr_array(less), 40)[0].toarray()
+    np.testing.assert_array_equal(between, 0.5 * (less + less.T))
     for gate, of in ((symmetric, more), (sparse_symmetric, scipy.sparse.csr_array(more))):
         with pytest.raises(vg.DataError, match=rf"row ({i}, column {j}|{j}, column {i})\b") as refusal:
             gate("A", of, 40)

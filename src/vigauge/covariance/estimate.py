@@ -88,7 +88,8 @@ class EstimateCovariance:
 
     def joint(self, keys: Sequence[Hashable], gauge: Any = None) -> Array:
         """(c, c) covariance of some keyframes together, all their columns, the first key's first."""
-        rows = np.concatenate([self.layout.columns(key) for key in instance("keys", keys, Iterable)])
+        some = [self.layout.columns(key) for key in instance("keys", keys, Iterable)]
+        rows = np.concatenate([np.empty(0, dtype=np.int64), *some])
         out = self.entries(rows, rows, gauge)
         return 0.5 * (out + out.T)
 
@@ -132,7 +133,7 @@ class EstimateCovariance:
         if keys is not None:
             at = np.array([layout.place(key) for key in instance("keys", keys, Iterable)], dtype=np.int64)
         if not kinds:
-            there = [kind for kind, columns in layout.blocks.items() if np.any(columns[at] >= 0)]
+            there = [kind for kind, c in layout.blocks.items() if not len(at) or np.any(c[at] >= 0)]
             kinds = there if to is None else POSE
         kinds = list(instance("kinds", kinds, Iterable))
         if to is not None:
@@ -153,8 +154,9 @@ class EstimateCovariance:
         if to is None:
             return blocks
         pose = layout.chart.to(chart_named("to", to), self.R[at], self.p[at])
-        if layout.blocks["rotation"].shape[1] == 1:  # x, y and the turn about z
-            pose = pose[:, :, [0, 1, 5]]
+        # In the plane: x and y, and the turn about z.
+        lengths, turns = (layout.blocks[kind].shape[1] for kind in POSE)
+        pose = pose[:, :, [*range(lengths), *range(6 - turns, 6)]]
         width = pose.shape[2]
         rest = rows.shape[1] - width
         J = np.zeros((len(at), 6 + rest, width + rest))
@@ -174,7 +176,7 @@ class EstimateCovariance:
         return self._blocks(layout.points[some], gauge)
 
     def sigma(self, kind: str, gauge: Any = None) -> Array:
-        """(N, c) standard deviations of one kind of all keyframes, or of "points" (K, 3)."""
+        """(N, c) standard deviations of one kind, of the keyframes that have it, or of "points" (K, 3)."""
         blocks = self.landmarks(gauge) if kind == "points" else self.keyframes(gauge, None, [kind])
         return np.sqrt(np.maximum(np.diagonal(blocks, axis1=1, axis2=2), 0.0))
 

@@ -312,7 +312,7 @@ class _Estimate:
 _Found = tuple[Inverse, Array, tuple[str, ...], float, Index]
 
 
-def _held(N: Array) -> Index:
+def _rows_to_hold(N: Array) -> Index:
     """Rows of N (n, k) that are far from dependent: holding them stops every open direction."""
     return np.sort(symmetric_kernels.pivots(np.array(N)))
 
@@ -342,7 +342,7 @@ def _dense(H: Array, estimate: _Estimate) -> _Found:
         raise estimate.refusal(error, measured, H) from error
     except DataError as error:
         raise estimate.other_poses(float(np.linalg.norm(A @ N)), H) from error
-    held = _held(N)
+    held = _rows_to_hold(N)
     half = np.linalg.cholesky(A + N @ N.T)
     log_det = 2.0 * float(np.sum(np.log(np.diagonal(half)))) + 2.0 * np.linalg.slogdet(N[held])[1]
     log_det -= 2.0 * float(np.sum(np.log(np.delete(scale, held))))
@@ -355,7 +355,7 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
     A = J * scale
     n = A.shape[1]
     N, measured, leak = estimate.split(lambda B: A @ B, scale, jacobian=True)
-    held = _held(N)
+    held = _rows_to_hold(N)
     keep = np.setdiff1d(np.arange(n), held)
     R = np.asarray(np.linalg.qr(A[:, keep], mode="r"))
     inverse, info = lapack.dtrtri(R) if len(R) == len(keep) else (R, 1)
@@ -377,7 +377,7 @@ def _orthogonal(J: Array, estimate: _Estimate) -> _Found:
 def _sparse(H: Any, diagonal: Array, estimate: _Estimate) -> _Found:
     scale = _scale(diagonal, estimate.layout)
     N, measured, leak = estimate.split(lambda B: scale[:, None] * (H @ (scale[:, None] * B)), scale)
-    held = _held(N)
+    held = _rows_to_hold(N)
     try:
         inverse = SparseInverse(H, scale, estimate.layout.nodes, held)
     except DegenerateError as error:

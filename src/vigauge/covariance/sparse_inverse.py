@@ -89,7 +89,7 @@ class SparseInverse:
     def below(self, limit: float) -> bool:
         """Whether no eigenvalue of G exceeds ``limit``: as a rule the trace, which is no less, tells."""
         trace = float(np.sum(self._selected[self._diagonal]))
-        return trace <= limit or self._largest[0] <= limit
+        return 0.0 <= trace <= limit or self._largest[0] <= limit
 
     @cached_property
     def _largest(self) -> tuple[float, int]:

@@ -28,13 +28,13 @@ def is_chain(storage: Array, size: int, w: int) -> bool:
     n = size // (w + POSE)
     for k in range(n - 2):
         for c in range(w * k, w * k + w):
-            far = storage[c * size + w * (k + 2) : c * size + w * n]
-            later = storage[c * size + w * n + POSE * (k + 2) : c * size + size]
+            speeds = storage[c * size + w * (k + 2) : c * size + w * n]
+            poses = storage[c * size + w * n + POSE * (k + 2) : c * size + size]
             total = 0.0
-            for i in range(len(far)):
-                total += abs(far[i])
-            for i in range(len(later)):
-                total += abs(later[i])
+            for i in range(len(speeds)):
+                total += abs(speeds[i])
+            for i in range(len(poses)):
+                total += abs(poses[i])
             if total != 0.0:  # NaN too
                 return False
     return True
@@ -48,28 +48,50 @@ def _eliminate(storage: Array, size: int, w: int, k: int, scratch: Sizes) -> boo
     """
     n = size // (w + POSE)
     own, tail = w * k * (size + 1), w * k * size + w * n
-    near, far = w * min(k + 2, n) - w * k, POSE * min(k + 2, n)
+    n_speeds, n_poses = w * min(k + 2, n) - w * k, POSE * min(k + 2, n)
     for c in range(w):
-        column = storage[own + c * size + c : own + c * size + near]
-        of_poses = storage[tail + c * size : tail + c * size + far]
-        for b in range(c):
-            before = storage[own + b * size + c : own + b * size + near]
+        column = storage[own + c * size + c : own + c * size + n_speeds]
+        of_poses = storage[tail + c * size : tail + c * size + n_poses]
+        whole = c // 4 * 4
+        for b in range(0, whole, 4):
+            A, B = storage[own + b * size + c :], storage[own + (b + 1) * size + c :]
+            C, D = storage[own + (b + 2) * size + c :], storage[own + (b + 3) * size + c :]
+            f, g, h, q = A[0], B[0], C[0], D[0]
+            cholesky.subtract_four(f, A, g, B, h, C, q, D, column)
+            A, B = storage[tail + b * size :], storage[tail + (b + 1) * size :]
+            C, D = storage[tail + (b + 2) * size :], storage[tail + (b + 3) * size :]
+            cholesky.subtract_four(f, A, g, B, h, C, q, D, of_poses)
+        for b in range(whole, c):
+            before = storage[own + b * size + c : own + b * size + n_speeds]
             cholesky.subtract(before[0], before, column)
-            cholesky.subtract(before[0], storage[tail + b * size : tail + b * size + far], of_poses)
+            cholesky.subtract(before[0], storage[tail + b * size : tail + b * size + n_poses], of_poses)
         if not column[0] > 0.0:
             return False
         scale = 1.0 / math.sqrt(column[0])
         for i in range(len(column)):
             column[i] *= scale
-        for i in range(far):
+        for i in range(n_poses):
             of_poses[i] *= scale
-    if near > w:
+    if n_speeds > w:
         following, meets = storage[w * (k + 1) * size :], storage[own + w :]
         to = w * (k + 1)
         blas.multiply(meets, size, False, meets, size, True, w, w, w, -1, 1, following[to:], size, scratch)
         to = w * n
         blas.multiply(
-            storage[tail:], size, False, meets, size, True, far, w, w, -1, 1, following[to:], size, scratch
+            storage[tail:],
+            size,
+            False,
+            meets,
+            size,
+            True,
+            n_poses,
+            w,
+            w,
+            -1,
+            1,
+            following[to:],
+            size,
+            scratch,
         )
     return True
 
@@ -128,9 +150,9 @@ def solve(factor: Array, size: int, w: int, x: Array, scratch: Sizes) -> None:
     for c in range(poses - 1, -1, -1):
         end = min(c // w + 2, n)
         column, total, following = factor[c * size : (c + 1) * size], x[c], x[c + 1 :]
-        near, far = column[c + 1 : w * end], column[poses : poses + POSE * end]
-        for i in range(len(near)):
-            total -= following[i] * near[i]
-        for i in range(len(far)):
-            total -= of_poses[i] * far[i]
+        speeds, own = column[c + 1 : w * end], column[poses : poses + POSE * end]
+        for i in range(len(speeds)):
+            total -= following[i] * speeds[i]
+        for i in range(len(own)):
+            total -= of_poses[i] * own[i]
         x[c] = total / factor[c * (size + 1)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from ..geometry.so3 import Array
 from .compiled import part
 
@@ -17,12 +19,13 @@ def clamped(
 
 
 @part
-def predicted_decrease(gradient: Array, damping: Array, step: Array) -> float:
-    """-(g dx + dx H dx / 2), with H dx = -g - D dx on the columns that move."""
-    decrease = 0.0
+def predicted_decrease(gradient: Array, damping: Array, step: Array) -> tuple[float, float]:
+    """-(g dx + dx H dx / 2), with H dx = -g - D dx on the columns that move; and the step's length."""
+    decrease, square = 0.0, 0.0
     for i in range(len(step)):
         decrease += step[i] * (damping[i] * step[i] - gradient[i])
-    return 0.5 * decrease
+        square += step[i] * step[i]
+    return 0.5 * decrease, math.sqrt(square)
 
 
 @part

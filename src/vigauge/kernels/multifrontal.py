@@ -18,7 +18,7 @@ from .elimination import Fronts
 from .lanes import Index
 
 # Fronts with more columns are left to LAPACK (measured).
-_BLOCKS_PAY = 40
+_WIDEST_OWN = 40
 
 
 @part
@@ -43,7 +43,7 @@ def _copy(A: Array, count: int, out: Array) -> None:
 @part
 def factorise_panel(panel: Array, s: int, m: int, size: Sizes) -> int:
     """Overwrite a panel, column by column, by its columns of L; 0, or the pivot that is not positive."""
-    if s > _BLOCKS_PAY:
+    if s > _WIDEST_OWN:
         wrong = factorise_block(panel, s, m, size)
         if not wrong:
             solve_right(panel, m, True, m - s, s, panel[s:], m, size)
@@ -76,7 +76,7 @@ def invert_panel(panel: Array, s: int, m: int, XY: Array, size: Sizes) -> None:
         X[c] = 1.0
         for t in range(len(Y)):
             Y[t] = -L[t]
-    if s > _BLOCKS_PAY:
+    if s > _WIDEST_OWN:
         solve_right(panel, m, False, m, s, XY, m, size)
         return
     for c in range(s - 1, -1, -1):

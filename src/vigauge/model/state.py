@@ -220,8 +220,9 @@ class State:
 
     def stepped(self, delta: Array) -> State:
         """As :meth:`retract`, for an increment that is known to be one: a solver's own step."""
-        p_W, R_WB, v_W = np.empty_like(self.p_W), np.empty_like(self.R_WB), np.empty_like(self.v_W)
-        X_W, dphi_0 = np.empty_like(self.X_W), np.empty(3)
+        n = len(self.p_W)
+        p_W, R_WB, v_W = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
+        X_W, dphi_0 = np.empty((len(self.X_W), 3)), np.empty(3)
         rotation.retract(
             delta,
             self.p_W,

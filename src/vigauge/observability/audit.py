@@ -19,6 +19,7 @@ from ..arrays import instance, symmetric
 from ..gauge.group import Group
 from ..gauge.layout import POSE, Index, Layout, null_space
 from ..geometry.so3 import Array
+from ..kernels.sizes import POSE as POSE_COLUMNS
 from ..sparsity.rounding import NOTHING, rounding
 from ..sparsity.symmetric import sparse_symmetric
 from .hypotheses import Hypothesis, larger_groups, other_estimates, other_layouts, other_units
@@ -30,7 +31,6 @@ _DECADES = 12.0
 _UNEXPLAINED = 1e-4
 # Information beyond that of a usual keyframe at which a column counts as held.
 _HELD = 100.0
-_POSE = 6
 
 
 @dataclass(frozen=True)
@@ -148,6 +148,8 @@ def _open(H: Any, found: _Leak, layout: Layout) -> Iterator[Concern]:
 
 def _damping(found: _Leak, diagonal: Array) -> list[Concern]:
     """H U = lambda diag(H) U, or lambda U, for all of U, of which rounding may hide some or all."""
+    if not found.N.shape[1]:
+        return []
     for M, what in ((np.ones(len(diagonal)), "of the diagonal"), (found.scale**2, "on the diagonal")):
         MN = M[:, None] * found.N
         factor = float(np.sum(MN * found.along) / np.sum(MN * MN))
@@ -187,21 +189,24 @@ def _prior(H: Any, found: _Leak, diagonal: Array, layout: Layout) -> list[Concer
     what = f"{found.seen} direction{'s' * (found.seen > 1)} of the gauge"
     sentence = f"all that H has along {what} comes from a prior on {name}"
     sentence += ": where it was not measured, leave it out of H"
-    if not np.isin(places[0], layout.columns_of([kind for kind in POSE if kind in layout.blocks])).any():
+    poses = [kind for kind in POSE if kind in layout.blocks]
+    if not poses or not np.isin(places[0], layout.columns_of(poses)).any():
         return [Concern("prior", sentence)]
     sentence += " and ask for the covariance in that keyframe's gauge"
-    held, free = _held(H, places[0], diagonal, layout), found.N.shape[1]
+    held, free = _held_directions(H, places[0], diagonal, layout), found.N.shape[1]
     if held > free:
         sentence += (
             f"; it holds {held} directions where {free} are free, so what was measured of the others (roll"
             " and pitch, of a visual-inertial estimate) is overruled and sigmas come out too small"
         )
-    elif free < _POSE:  # a weaker prior cannot be told from measurements
-        sentence += f"; if it holds all {_POSE} of the pose, where {free} are free, sigmas are too small"
+    elif free < POSE_COLUMNS:  # a weaker prior cannot be told from measurements
+        sentence += (
+            f"; if it holds all {POSE_COLUMNS} of the pose, where {free} are free, sigmas are too small"
+        )
     return [Concern("prior", sentence)]
 
 
-def _held(H: Any, place: Index, diagonal: Array, layout: Layout) -> int:
+def _held_directions(H: Any, place: Index, diagonal: Array, layout: Layout) -> int:
     """Directions of one pose with far more information than columns of their kind have elsewhere."""
     usual = np.zeros(layout.n)
     for kind in ("position", "rotation"):

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse
 from scipy.sparse.csgraph import connected_components
 
-from ..gauge.layout import Layout
+from ..gauge.layout import POSE, Layout
 from ..geometry.so3 import Array
 from ..sparsity.rounding import rounding
 
@@ -20,7 +20,7 @@ _OUTSIDE = 1e-6
 
 
 def unmeasured(H: Any, layout: Layout, scale: Array, N: Array) -> str:
-    """'point 7 in 1 direction, velocity of keyframe 3 in 3': what no row of H U is needed to miss; or ''.
+    """'point 7 in 1 direction, velocity of keyframe 3 in 3': those whose own block is singular; '' for none.
 
     H is positive semidefinite, so what a keyframe's or point's own block does not see, H does not see.
 
@@ -65,6 +65,9 @@ def _own_blocks(H: Any, layout: Layout) -> Iterator[tuple[np.ndarray, Array]]:
 
 def separate(H: Any, layout: Layout) -> str:
     """'keyframes 0, 1, 2 and keyframes 3, 4': poses that no entry of H joins; '' where all are joined."""
+    rows = np.flatnonzero(layout.has_pose)
+    if not len(rows):
+        return ""
     coo = scipy.sparse.coo_array(H)
     joined = coo.data != 0.0
     nodes, count = layout.nodes, int(layout.nodes.max(initial=-1)) + 1
@@ -72,10 +75,7 @@ def separate(H: Any, layout: Layout) -> str:
         (np.ones(int(joined.sum())), (nodes[coo.row[joined]], nodes[coo.col[joined]])), shape=(count, count)
     )
     part = connected_components(graph, directed=False)[1]
-    columns = np.concatenate(
-        [layout.blocks[kind] for kind in layout.blocks if kind in ("position", "rotation")], axis=1
-    )
-    rows = np.flatnonzero(layout.has_pose)
+    columns = layout.columns_of([kind for kind in POSE if kind in layout.blocks])
     parts = part[nodes[columns[rows].max(axis=1)]]
     members = [rows[parts == one] for one in dict.fromkeys(parts.tolist())]
     if len(members) < 2:

@@ -248,6 +248,8 @@ class _Run:
         self.moved = False
         begin = problem.initial if start is None else problem.require_fits(start)
         self.here = self.objective.evaluate(begin)
+        # No state's norm is larger: a step adds its length at most.
+        self.largest_norm = _state_norm(begin, self.origin)
 
     def solve(self) -> Solution:
         self._record(accepted=True)
@@ -263,7 +265,7 @@ class _Run:
             status = self._must_stop()
             if status is not None:
                 return self._end(status)
-            step, decrease = self._step()
+            step, decrease, length = self._step()
             if step is None or not 0.0 < decrease < math.inf:
                 invalid += 1
                 if invalid >= self.options.maximum_invalid_steps:
@@ -271,16 +273,14 @@ class _Run:
                 self._rejected()
                 continue
             invalid = 0
-            status = self._try(step, decrease)
+            status = self._try(step, decrease, length)
             if status is not None:
                 return self._end(status)
 
-    def _try(self, step: Array, predicted_decrease: float) -> Status | None:
+    def _try(self, step: Array, predicted_decrease: float, length: float) -> Status | None:
         """Go to the end of the step if it is good; a status ends the run."""
         there = self.objective.evaluate(self.here.state.stepped(step))
-        tolerance = self.options.parameter_tolerance
-        length = math.sqrt(float(np.vdot(step, step)))
-        if self.moved and length <= tolerance * (_state_norm(self.here.state, self.origin) + tolerance):
+        if self.moved and self._is_short(length):
             return Status.PARAMETER_TOLERANCE
         change = self.here.cost - there.cost
         if abs(change) <= self.options.function_tolerance * self.here.cost:
@@ -288,6 +288,7 @@ class _Run:
         quality = change / predicted_decrease
         if quality > self.options.minimum_decrease:
             self.here, self.moved = there, True
+            self.largest_norm += length
             self._linearise()
             self.region.accept(quality)
             self._record(accepted=True)
@@ -300,10 +301,17 @@ class _Run:
         self.diagonal, self.gradient = self.equations.diagonal_and_gradient()
         self.gradient[self.held] = 0.0
 
-    def _step(self) -> tuple[Array | None, float]:
-        """The damped step and the decrease of the cost that the linear model predicts."""
+    def _is_short(self, length: float) -> bool:
+        """Whether a step is nothing beside the state."""
+        tolerance = self.options.parameter_tolerance
+        if length > tolerance * (self.largest_norm + tolerance):
+            return False
+        return length <= tolerance * (_state_norm(self.here.state, self.origin) + tolerance)
+
+    def _step(self) -> tuple[Array | None, float, float]:
+        """The damped step, the decrease of the cost that the linear model predicts, and the step's length."""
         o = self.options
-        damping = np.empty_like(self.diagonal)
+        damping = np.empty(len(self.diagonal))
         clamped(
             self.diagonal,
             self.scale_squared,
@@ -316,8 +324,8 @@ class _Run:
             reduced = self.equations.eliminate(damping, self.objective.workers)
             step = reduced.solve(self.held, overwrite=True)
         except SolverError:
-            return None, 0.0  # counted as an invalid step: the next one is damped more
-        return step, predicted_decrease(self.gradient, damping, step)
+            return None, 0.0, 0.0  # counted as an invalid step: the next one is damped more
+        return step, *predicted_decrease(self.gradient, damping, step)
 
     def _rejected(self) -> None:
         self.region.reject()

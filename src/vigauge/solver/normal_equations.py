@@ -150,7 +150,9 @@ class NormalEquations:
         DegenerateError where one is singular to rounding: a landmark seen along one line only.
         """
         s, layout = self.structure, self.structure.layout
-        storage, gradient = layout.copy(self.storage), self.motion_gradient.copy()
+        # Shares of several pieces are added to whole ranges, above the triangle too.
+        storage = layout.copy(self.storage) if len(s.pieces) < 2 else self.storage.copy()
+        gradient = self.motion_gradient.copy()
         added = _NONE if damping is None else damping
         factor, half_gradient = np.empty((s.n_batches, 6 * LANES)), np.empty((s.n_batches, 3 * LANES))
 
@@ -378,13 +380,14 @@ def linearise(
     inertial_kernels(problem).accumulate(
         layout.pose, layout.speed, layout.stride, storage, gradient, *inertial_inputs(problem, state)
     )
-    factors = linear_factors(problem, state)
-    for factor in factors:
-        if not factor.total:
+    total: tuple[LinearFactor, ...] = ()
+    for factor in linear_factors(problem, state):
+        if factor.total:
+            total += (factor,)
+        else:
             add_factor(factor, layout, storage, gradient)
-    total = tuple(factor for factor in factors if factor.total)
     if prior is not None:
-        total = (*total, prior)
+        total += (prior,)
     couplings = Couplings(information, state.p_W, state.X_W)
     chain = first_rotation.chain(state)
     return NormalEquations(s, storage, couplings, landmark, gradient, landmark_gradient, chain, total)

@@ -168,8 +168,8 @@ class Layout:
         return spent
 
     def copy(self, storage: Array) -> Array:
-        """A copy of a triangle. What lies above it is never read."""
-        out = np.empty_like(storage)
+        """A copy of a triangle; what lies above it is left as memory has it."""
+        out = np.empty(len(storage))
         symmetric.copy(storage, self.size, self.stride, self.half_bandwidth, out)
         return out
 

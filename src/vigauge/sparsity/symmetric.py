@@ -13,7 +13,11 @@ from ..kernels.symmetric import exactly_symmetric, largest_asymmetry
 
 
 def sparse_symmetric(what: str, value: Any, n: int) -> tuple[Any, Array]:
-    """``value`` of scipy.sparse by columns, as :func:`..arrays.symmetric` takes a dense one; its diagonal."""
+    """The matrix in compressed columns and its diagonal; refuses what :func:`..arrays.symmetric` refuses.
+
+    What comes out is symmetric to the last bit, and stored so: an entry that only one triangle has would lead
+    the elimination astray.
+    """
     matrix = sparse_reals(what, value, (n, n))
     entries = matrix.indptr, matrix.indices, matrix.data
     diagonal = np.zeros(n)
@@ -28,4 +32,4 @@ def sparse_symmetric(what: str, value: Any, n: int) -> tuple[Any, Array]:
     excess, *at = largest_asymmetry(*entries, size, ASYMMETRY)
     if excess > 0.0:
         raise asymmetric(what, tuple(at), float(matrix[at[0], at[1]]), float(matrix[at[1], at[0]]))
-    return matrix, diagonal
+    return (0.5 * (matrix + matrix.T)).tocsc(), diagonal

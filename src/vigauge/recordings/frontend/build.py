@@ -199,7 +199,7 @@ def _require_upward_force(
     """Refuse forces of the wrong sign, which would turn the world upside down."""
     try:
         opposite = aligned(replace(samples, accel=-samples.accel)).rms_position_m
-    except VigaugeError:
+    except VigaugeError:  # the opposite sign does not fit at all
         return
     times = found.rms_position_m / opposite
     if times > _TIMES_BETTER:
