@@ -137,7 +137,7 @@ def test_panels_are_those_of_the_dense_factor(columns, rows):
     L = np.linalg.cholesky(A)
     size, lower = np.empty(6, dtype=np.int32), np.tri(n, columns, dtype=bool)
     panel = np.where(lower, A[:, :columns], np.nan).T.copy().ravel()
-    assert multifrontal.factorise_panel(panel, columns, n, size) == 0
+    assert cholesky.factorise_panel(panel, columns, n, n, size) == 0
     found = np.where(lower, panel.reshape(columns, n).T, 0.0)
     assert np.abs(found - L[:, :columns]).max() < 1e-13 * np.abs(L).max()
     XY = np.full(columns * n, np.nan)
@@ -146,7 +146,7 @@ def test_panels_are_those_of_the_dense_factor(columns, rows):
     expected = np.concatenate([X, -L[columns:, :columns] @ X])
     assert np.abs(XY.reshape(columns, n).T - expected).max() < 1e-11 * np.abs(expected).max()
     A[columns - 1, columns - 1] = -1.0
-    assert multifrontal.factorise_panel(A.T[:columns].copy().ravel(), columns, n, size) == columns
+    assert cholesky.factorise_panel(A.T[:columns].copy().ravel(), columns, n, n, size) == columns
 
 
 def test_damping_is_clamped_where_columns_are_scaled():

@@ -18,8 +18,8 @@ from .blas import Sizes
 from .compiled import part
 from .sizes import POSE
 
-# Columns of the poses' block that one product gives, see :mod:`.blas`.
-_PANEL = 8
+# Columns of the poses that are made at a time (measured).
+_PANEL = 12
 
 
 @part
@@ -97,40 +97,27 @@ def _eliminate(storage: Array, size: int, w: int, k: int, scratch: Sizes) -> boo
 
 
 @part
-def _subtract_products(storage: Array, size: int, w: int, scratch: Sizes) -> None:
-    """The chain's share off the lower triangle of the poses."""
+def _factorise_poses(storage: Array, size: int, w: int, scratch: Sizes) -> bool:
+    """The columns of the poses, a panel at a time, less what all columns before have of them."""
     n = size // (w + POSE)
     for c in range(0, POSE * n, _PANEL):
-        # Keyframes before this one do not meet the pose at c.
-        first = max(c // POSE - 1, 0)
-        at = w * first * size + w * n + c
-        blas.multiply(
-            storage[at:],
-            size,
-            False,
-            storage[at:],
-            size,
-            True,
-            POSE * n - c,
-            min(_PANEL, POSE * n - c),
-            w * (n - first),
-            -1,
-            1,
-            storage[(w * n + c) * (size + 1) :],
-            size,
-            scratch,
-        )
+        # Velocities of earlier keyframes than this one do not meet the pose at c.
+        first, width, rows = max(c // POSE - 1, 0), min(_PANEL, POSE * n - c), POSE * n - c
+        before, panel = storage[w * first * size + w * n + c :], storage[(w * n + c) * (size + 1) :]
+        k = w * (n - first) + c
+        blas.multiply(before, size, False, before, size, True, rows, width, k, -1, 1, panel, size, scratch)
+        if cholesky.factorise_panel(panel, width, rows, size, scratch):
+            return False
+    return True
 
 
 @part
 def factorise(storage: Array, size: int, w: int, scratch: Sizes) -> bool:
     """Overwrite the triangle by its factor; whether it is positive definite. ``scratch`` (6,)."""
-    n = size // (w + POSE)
-    for k in range(n):
+    for k in range(size // (w + POSE)):
         if not _eliminate(storage, size, w, k, scratch):
             return False
-    _subtract_products(storage, size, w, scratch)
-    return cholesky.factorise_block(storage[w * n * (size + 1) :], POSE * n, size, scratch) == 0
+    return _factorise_poses(storage, size, w, scratch)
 
 
 @part

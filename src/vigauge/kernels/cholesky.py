@@ -6,13 +6,14 @@ Entry (r, c) is ``storage[c * stride + r]``, with r - c up to ``half_bandwidth``
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numba import types
 
 from ..geometry.so3 import Array
-from .blas import CHAR, DOUBLE, INT, Sizes, name_symbol
+from .blas import CHAR, DOUBLE, INT, Sizes, name_symbol, solve_right
 from .compiled import kernel, part
 
 _dpotrf: Any = types.ExternalFunction(
@@ -63,6 +64,40 @@ def factorise_block(A: Array, n: int, stride: int, size: Sizes) -> int:
     size[0], size[1], size[2] = n, stride, 0
     _dpotrf(_LOWER.ctypes, size.ctypes, A.ctypes, size[1:].ctypes, size[2:].ctypes)
     return size[2]
+
+
+# Panels with more columns are left to LAPACK (measured).
+WIDEST_OWN = 40
+
+
+@part
+def factorise_panel(panel: Array, s: int, m: int, stride: int, size: Sizes) -> int:
+    """Overwrite the s columns of a panel of m rows by columns of the factor; 0, or the pivot as above.
+
+    The first s rows are a lower triangle; ``size`` (4,) is scratch. Four columns at a time are subtracted,
+    which takes less than LAPACK's calls where columns are few.
+    """
+    if s > WIDEST_OWN:
+        wrong = factorise_block(panel, s, stride, size)
+        if not wrong and m > s:
+            solve_right(panel, stride, True, m - s, s, panel[s:], stride, size)
+        return wrong
+    for c in range(s):
+        column = panel[c * stride + c : c * stride + m]
+        whole = c // 4 * 4
+        for b in range(0, whole, 4):
+            A, B = panel[b * stride + c :], panel[(b + 1) * stride + c :]
+            C, D = panel[(b + 2) * stride + c :], panel[(b + 3) * stride + c :]
+            subtract_four(A[0], A, B[0], B, C[0], C, D[0], D, column)
+        for b in range(whole, c):
+            before = panel[b * stride + c : b * stride + m]
+            subtract(before[0], before, column)
+        if not column[0] > 0.0:
+            return c + 1
+        scale = 1.0 / math.sqrt(column[0])
+        for t in range(len(column)):
+            column[t] *= scale
+    return 0
 
 
 @kernel

@@ -6,19 +6,14 @@ column by column in a storage, as LAPACK takes it; see :class:`.elimination.Fron
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..geometry.so3 import Array
 from .blas import Sizes, add_gram, multiply, solve_right
-from .cholesky import factorise_block, subtract, subtract_four
+from .cholesky import WIDEST_OWN, factorise_panel, subtract, subtract_four
 from .compiled import kernel, part
 from .elimination import Fronts
 from .lanes import Index
-
-# Fronts with more columns are left to LAPACK (measured).
-_WIDEST_OWN = 40
 
 
 @part
@@ -41,32 +36,6 @@ def _copy(A: Array, count: int, out: Array) -> None:
 
 
 @part
-def factorise_panel(panel: Array, s: int, m: int, size: Sizes) -> int:
-    """Overwrite a panel, column by column, by its columns of L; 0, or the pivot that is not positive."""
-    if s > _WIDEST_OWN:
-        wrong = factorise_block(panel, s, m, size)
-        if not wrong:
-            solve_right(panel, m, True, m - s, s, panel[s:], m, size)
-        return wrong
-    for c in range(s):
-        column = panel[c * m + c : (c + 1) * m]
-        whole = c // 4 * 4
-        for b in range(0, whole, 4):
-            A, B = panel[b * m + c :], panel[(b + 1) * m + c :]
-            C, D = panel[(b + 2) * m + c :], panel[(b + 3) * m + c :]
-            subtract_four(A[0], A, B[0], B, C[0], C, D[0], D, column)
-        for b in range(whole, c):
-            before = panel[b * m + c : (b + 1) * m]
-            subtract(before[0], before, column)
-        if not column[0] > 0.0:
-            return c + 1
-        scale = 1.0 / math.sqrt(column[0])
-        for t in range(len(column)):
-            column[t] *= scale
-    return 0
-
-
-@part
 def invert_panel(panel: Array, s: int, m: int, XY: Array, size: Sizes) -> None:
     """X = L_JJ^-1 above Y = -L_BJ X into ``XY``, column by column as the panel."""
     for c in range(s):
@@ -76,7 +45,7 @@ def invert_panel(panel: Array, s: int, m: int, XY: Array, size: Sizes) -> None:
         X[c] = 1.0
         for t in range(len(Y)):
             Y[t] = -L[t]
-    if s > _WIDEST_OWN:
+    if s > WIDEST_OWN:
         solve_right(panel, m, False, m, s, XY, m, size)
         return
     for c in range(s - 1, -1, -1):
@@ -160,7 +129,7 @@ def factorise(
                 if at_row >= start + c:
                     into[np.uint64(spot[np.uint64(at_row)])] += values[e] * size_of * scale[i]
             into[c] += lift
-        wrong = factorise_panel(panel, s, m, size)
+        wrong = factorise_panel(panel, s, m, m, size)
         if wrong:
             return start + wrong - 1, panel[(wrong - 1) * (m + 1)]
         if b:
