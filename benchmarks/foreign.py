@@ -97,13 +97,13 @@ def draw(rows: list[Row], stem: Path) -> None:
         axes.barh(labels, [ratio - 1.0 for ratio in ratios], left=1.0, color=COLOURS["free"])
         for k, ratio in enumerate(ratios):
             axes.annotate(
-                f"{ratio:.3g}",
+                f"{ratio:.3g}" if ratio < 1e3 else f"{ratio:.0f}",
                 (max(ratio, 1.0), k),
                 (3, 0),
                 textcoords="offset points",
                 va="center",
             )
-        axes.margins(x=0.1)
+        axes.margins(x=0.18)
         axes.axvline(1.0, color="k", lw=0.8)
         axes.set_xscale("log")
         axes.set_xlabel("their time over ours")
