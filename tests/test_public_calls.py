@@ -101,6 +101,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "Layout.columns": (LAYOUT.columns, {"key": 0, "kind": "position"}),
     "Layout.columns_of": (LAYOUT.columns_of, {"kinds": ["position"]}),
     "Layout.having": (LAYOUT.having, {"kinds": ["position"]}),
+    "Layout.places_having": (LAYOUT.places_having, {"kinds": ["position"]}),
     "Layout.place": (LAYOUT.place, {"key": 0}),
     "Layout.point_place": (LAYOUT.point_place, {"key": 0}),
     "Options": (vg.Options, of(vg.Options())),

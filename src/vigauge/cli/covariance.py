@@ -73,7 +73,7 @@ def _of_information(given: Information, gauge: Gauge, options: argparse.Namespac
             LOG.warning("%s", concern)
     # Landmarks in the plane are keyframes without an angle.
     keys = layout.having(kinds)
-    rows = np.array([layout.place(key) for key in keys], dtype=np.int64)
+    rows = layout.places_having(kinds)
     known: Any = (gauge, scale_of(options.scale)) if options.scale else gauge
     posed = "rotation" in kinds or "position" in kinds
     blocks = covariance.keyframes(known, keys, kinds, to="left" if posed else None)

@@ -142,10 +142,10 @@ class EstimateCovariance:
                 raise DataError("kinds", rule, value=kinds)
             kinds = [*POSE, *(kind for kind in kinds if kind not in POSE)]
         rows = layout.columns_of(kinds)
-        whole = np.all(rows >= 0, axis=1)
-        if keys is None and layout.keys is not None and whole.any():
-            at = np.flatnonzero(whole)
-        lacking = np.flatnonzero(~whole[at])
+        if keys is None and layout.keys is not None:
+            having = layout.places_having(kinds)
+            at = having if having.size else at
+        lacking = np.flatnonzero(np.any(rows[at] < 0, axis=1))
         if lacking.size:
             key = layout.names[at[lacking[0]]]
             rule = f"must have columns of {', '.join(kinds)}: say which kinds, or ask with block()"
@@ -166,7 +166,7 @@ class EstimateCovariance:
     @property
     def poses(self) -> tuple[Array, Array]:
         """R_WB (m, 3, 3) and p_W (m, 3) of the keyframes that ``keyframes(gauge, to=...)`` has."""
-        at = [self.layout.place(key) for key in self.layout.having(POSE)]
+        at = self.layout.places_having(POSE)
         return self.R[at], self.p[at]
 
     def landmarks(self, gauge: Any = None, keys: Sequence[Hashable] | None = None) -> Array:
@@ -178,7 +178,7 @@ class EstimateCovariance:
     def sigma(self, kind: str, gauge: Any = None) -> Array:
         """(N, c) standard deviations of one kind, of the keyframes that have it, or of "points" (K, 3)."""
         blocks = self.landmarks(gauge) if kind == "points" else self.keyframes(gauge, None, [kind])
-        return np.sqrt(np.maximum(np.diagonal(blocks, axis1=1, axis2=2), 0.0))
+        return np.sqrt(np.diagonal(blocks, axis1=1, axis2=2))
 
     def relative_pose(self, i: Hashable, j: Hashable, gauge: Any = None) -> RelativePose:
         """The pose of keyframe j in keyframe i's frame, with its covariance, which no gauge changes.

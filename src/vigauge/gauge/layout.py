@@ -186,10 +186,13 @@ class Layout:
                 raise DataError("kind", f"must be one of {', '.join(self.blocks)}", value=kind)
         return np.concatenate([self.blocks[kind] for kind in kinds], axis=1)
 
+    def places_having(self, kinds: Iterable[str]) -> Index:
+        """(m,) rows of the keyframes with all columns of these kinds; DataError for a kind not there."""
+        return np.flatnonzero(np.all(self.columns_of(kinds) >= 0, axis=1))
+
     def having(self, kinds: Iterable[str]) -> list[Hashable]:
         """Keys of the keyframes with all columns of these kinds; DataError for a kind that is not there."""
-        there = np.flatnonzero((self.columns_of(kinds) >= 0).all(axis=1))
-        return [self.names[row] for row in there.tolist()]
+        return [self.names[row] for row in self.places_having(kinds).tolist()]
 
     @cached_property
     def nodes(self) -> Index:
